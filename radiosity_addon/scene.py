@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene as the core sees it: frozen records of arrays, SI units, world space.
+
+RGB triples are linear, in the scene's working space. Whoever fills these records (Blender's extractor,
+a test) resolves what a lamp or shader means into radiometric quantities; the core only transports light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from .arrays import Float32, Float64, Int32
+
+RGB: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Material:
+    """A diffuse surface.
+
+    Attributes:
+        name: for messages
+        reflectance: diffuse albedo plus glossy albedo, each channel in [0, 1)
+        emission: emitted radiance of either face, W/(m2 sr)
+        group: light group of the emission, index into Scene.groups
+    """
+
+    name: str
+    reflectance: RGB = (0.8, 0.8, 0.8)
+    emission: RGB = (0.0, 0.0, 0.0)
+    group: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """One object's surface as rendered, in world space.
+
+    Triangles wind counter-clockwise about the geometric front, also for mirrored objects.
+
+    Attributes:
+        name: the object's name
+        vertices: (V, 3) float64, m
+        triangles: (F, 3) int32, into vertices
+        corner_normals: (F, 3, 3) float32, unit shading normals
+        material: (F,) int32, into Scene.materials
+        polygon: (F,) int32, the modeller's polygon that each triangle is part of
+        corner: (F, 3) int32, the polygon corner (loop) behind each triangle corner
+        lightmapped: gets a place on a page; otherwise it only shadows, bounces and emits
+        density: multiplier of the texel density
+        uv: (F, 3, 2) float32 in 0..1 to keep an existing map instead of unwrapping, or None
+    """
+
+    name: str
+    vertices: Float64
+    triangles: Int32
+    corner_normals: Float32
+    material: Int32
+    polygon: Int32
+    corner: Int32
+    lightmapped: bool = True
+    density: float = 1.0
+    uv: Float32 | None = None
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """A sphere that radiates alike in all directions.
+
+    Attributes:
+        intensity: W/sr
+        position: m
+        radius: m; 0 is a point
+        soft_falloff: Cycles' soft falloff: a disc of that radius that faces each receiver, in place of a sphere
+        shadow: casts shadows
+        group: light group, index into Scene.groups
+    """
+
+    name: str
+    intensity: RGB
+    position: RGB
+    radius: float = 0.0
+    soft_falloff: bool = True
+    shadow: bool = True
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """A point light behind a cone.
+
+    Attributes:
+        intensity: W/sr on the axis
+        axes: three rows: unit local x, y and the direction it shines in, each divided by the object's scale along it
+        angle: full cone angle, radians
+        blend: share of the cone that fades, 0..1
+        Others as for PointLight.
+    """
+
+    name: str
+    intensity: RGB
+    position: RGB
+    axes: tuple[RGB, RGB, RGB]
+    angle: float
+    blend: float
+    radius: float = 0.0
+    soft_falloff: bool = True
+    shadow: bool = True
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class SunLight:
+    """Light from a disc infinitely far away.
+
+    Attributes:
+        irradiance: W/m2 on a plane that faces it
+        direction: unit, the way the light travels
+        angle: angular diameter, radians
+    """
+
+    name: str
+    irradiance: RGB
+    direction: RGB
+    angle: float = 0.0
+    shadow: bool = True
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class AreaLight:
+    """A flat lamp that shines to one side.
+
+    Attributes:
+        radiance: W/(m2 sr), on the axis where spread is narrowed
+        position: centre, m
+        edge_u, edge_v: full edge vectors, m (full axes of an ellipse)
+        direction: unit, the way it shines
+        ellipse: an ellipse inscribed in the rectangle
+        spread: full opening angle, radians; pi is Lambertian
+    """
+
+    name: str
+    radiance: RGB
+    position: RGB
+    edge_u: RGB
+    edge_v: RGB
+    direction: RGB
+    ellipse: bool = False
+    spread: float = np.pi
+    shadow: bool = True
+    group: int = 0
+
+
+Light: TypeAlias = PointLight | SpotLight | SunLight | AreaLight
+
+
+@dataclass(frozen=True)
+class World:
+    """Uniform light from everywhere outside.
+
+    Attributes:
+        radiance: W/(m2 sr)
+        group: light group, index into Scene.groups
+    """
+
+    radiance: RGB = (0.0, 0.0, 0.0)
+    group: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that a bake needs to know.
+
+    Attributes:
+        groups: names of the light groups; every light, emission and the world is in exactly one
+        working_space: Blender's name of the linear RGB space of all triples
+        warnings: what the extractor had to say
+    """
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...] = ()
+    world: World = field(default_factory=World)
+    groups: tuple[str, ...] = ("",)
+    working_space: str = "Linear Rec.709"
+    warnings: tuple[str, ...] = ()
+
+    def moved(self, offset: Float64) -> Scene:
+        """The same scene with `offset` (3,), m, added to every position."""
+
+        def shifted(light: Light) -> Light:
+            if isinstance(light, SunLight):
+                return light
+            x, y, z = (float(p + o) for p, o in zip(light.position, offset, strict=True))
+            return replace(light, position=(x, y, z))
+
+        meshes = tuple(replace(mesh, vertices=mesh.vertices + offset) for mesh in self.meshes)
+        return replace(self, meshes=meshes, lights=tuple(shifted(light) for light in self.lights))

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user chooses about a bake, validated once."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from .errors import SettingsError
+
+QualityName = Literal["draft", "medium", "high"]
+QUALITIES: tuple[str, ...] = get_args(QualityName)
+MAX_PAGE_SIZE = 8192
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Numbers of samples behind one word.
+
+    Attributes:
+        patch_rays: transport rays of a patch of mean area
+        patches: patches aimed at for a page of a million texels
+        gather_rays: final-gather rays of a gather point
+        gather_spacing: distance of gather points, in texels, on open surfaces
+        shadow_probes: first shadow rays of a texel and lamp
+        shadow_rays: shadow rays of a texel and lamp in a penumbra
+        gather_passes: final gathers; from the second on rays read irradiance at texel resolution
+    """
+
+    patch_rays: int
+    patches: int
+    gather_rays: int
+    gather_spacing: float
+    shadow_probes: int
+    shadow_rays: int
+    gather_passes: int
+
+
+QUALITY_STEPS: dict[str, Quality] = {
+    "draft": Quality(64, 6000, 64, 12.0, 1, 16, 1),
+    "medium": Quality(128, 12000, 192, 8.0, 2, 36, 2),
+    "high": Quality(256, 24000, 512, 6.0, 4, 144, 2),
+}
+
+
+@dataclass(frozen=True)
+class BakeSettings:
+    """Settings of one bake.
+
+    Attributes:
+        density: texels per metre; None fills one page
+        page_size: texels along an edge of a page
+        quality: draft, medium or high
+        tolerance: unshot share of the emitted power at which the solver stops
+        threads: worker threads; 0 takes all processors that the process may use
+    """
+
+    density: float | None = None
+    page_size: int = 1024
+    quality: QualityName = "medium"
+    tolerance: float = 1e-3
+    threads: int = 0
+    workers: int = field(init=False, default=1)
+
+    def __post_init__(self) -> None:
+        if self.density is not None and not (math.isfinite(self.density) and self.density > 0):
+            raise SettingsError("Density", f"{self.density} is not a positive number", "Give texels per metre, such as 64")
+        if not 16 <= self.page_size <= MAX_PAGE_SIZE:
+            raise SettingsError(
+                "Page size", f"{self.page_size} is out of range", f"Choose from 16 to {MAX_PAGE_SIZE} texels"
+            )
+        if self.quality not in QUALITIES:
+            raise SettingsError("Quality", f"{self.quality!r} is unknown", "Choose from " + ", ".join(QUALITIES))
+        if not 1e-8 <= self.tolerance < 1:
+            raise SettingsError("Tolerance", f"{self.tolerance} is out of range", "Choose from 1e-8 to below 1")
+        if not 0 <= self.threads <= 1024:
+            raise SettingsError("Threads", f"{self.threads} is out of range", "Choose from 0 (all) to 1024")
+        object.__setattr__(self, "workers", self.threads or usable_processors())
+
+    @property
+    def steps(self) -> Quality:
+        """The numbers of samples behind `quality`."""
+        return QUALITY_STEPS[self.quality]
+
+
+def usable_processors() -> int:
+    """Processors this process may run on."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on macOS and Windows
+        return os.cpu_count() or 1
