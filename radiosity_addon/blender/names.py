@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake leaves in a .blend, and how to know it again.
+
+Everything that a bake makes or changes carries the bake's token under BAKE_KEY, so that what belongs to one scene's
+bake is found after datablocks were renamed, copied, deleted, or saved and read again.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+UV_MAP = "Radiosity"
+"""Name of the uv map that places a mesh on its page."""
+
+BAKE_KEY = "radiosity_bake"
+"""The bake's token: on the scene, and on every datablock that the bake made or changed."""
+
+PAGE_KEY = "radiosity_page"
+"""On an image: index of the page that it holds."""
+
+STAND_IN_KEY = "radiosity_source"
+"""On a stand-in: the object that it shows."""
+
+HIDDEN_KEY = "radiosity_hidden"
+"""On an object behind a stand-in: its visibility and selection before the bake."""
+
+UV_KEY = "radiosity_uv"
+"""On a mesh that carries our uv map: names of the uv maps that were active before."""
+
+SLOT_KEY = "radiosity_slot"
+"""On a mesh: the bake gave it its only material slot."""
+
+PREVIEW_KEY = "radiosity_preview"
+"""On a preview material: True."""
+
+ORIGINAL_MATERIAL_KEY = "radiosity_original"
+"""On a preview material: the material that it shows, absent where the slot was empty."""
+
+
+def is_baked(scene: bpy.types.Scene) -> bool:
+    """Whether the scene carries a bake that `revert` can take out."""
+    return BAKE_KEY in scene
+
+
+def is_stand_in(thing: bpy.types.Object) -> bool:
+    """Whether the object only shows another one, and is no input of a bake."""
+    return STAND_IN_KEY in thing
+
+
+def is_behind_stand_in(thing: bpy.types.Object) -> bool:
+    """Whether a stand-in shows the object, which is hidden for that reason alone."""
+    return HIDDEN_KEY in thing
+
+
+def is_preview(material: bpy.types.Material | None) -> bool:
+    """Whether the material is a copy that shows a lightmap."""
+    return material is not None and PREVIEW_KEY in material
+
+
+def original_material(material: bpy.types.Material | None) -> bpy.types.Material | None:
+    """The user's material behind a preview material; any other material is its own original."""
+    if material is not None and is_preview(material):
+        return material.get(ORIGINAL_MATERIAL_KEY)
+    return material
+
+
+def has_our_uv_map(mesh: bpy.types.Mesh) -> bool:
+    """Whether the mesh's uv map of our name was made by a bake."""
+    return UV_KEY in mesh and UV_MAP in mesh.uv_layers
