@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bake a sample, run the tests, measure, and build the release: `python3 dev.py --help`.
+
+Standard library only, so that it runs on a fresh machine. What it needs beyond that it installs, pinned, into
+environments beside this file (.venv-3.11, .venv-3.13).
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+PYTHONS = ("3.13", "3.11")
+"""CPython versions that bpy is published for, the preferred one first: Blender 5.2 LTS and 4.5 LTS run on them."""
+STEP_LIMIT = 20 * 60
+"""Seconds after which a step of the tests, such as pytest on one Python, is taken to hang."""
+BUNDLED = ("embreex", "OpenImageIO", "xatlas")
+"""Packages that the extension brings along; numpy is Blender's own."""
+WHEEL_TAGS = {
+    "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)] + ["manylinux2014_x86_64"],
+    "windows-x64": ["win_amd64"],
+    "macos-arm64": ["macosx_14_0_arm64", "macosx_14_0_universal2"],
+    "macos-x64": ["macosx_14_0_x86_64", "macosx_14_0_universal2"],
+}
+"""pip's platform tags for each of Blender's platforms."""
+STAGED = ("__init__.py", "blender_manifest.toml", "LICENSE", "radiosity_addon")
+"""What an installed extension consists of, its wheels apart."""
+
+
+class Failure(Exception):
+    """A step that can't go on, said in words for the person at the terminal."""
+
+
+def main() -> int:
+    """Run one command; the exit code."""
+    arguments, pytest_arguments = split_arguments(sys.argv[1:])
+    parser = argparse.ArgumentParser(prog="dev.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("sample", help="bake a sample scene into out/sample/ and render a picture of it")
+    command.add_argument("--scene", type=Path, default=ROOT / "sample_scenes/cornell_box.blend", metavar="FILE.blend")
+    command.set_defaults(run=lambda options: sample(options.scene))
+
+    command = commands.add_parser("test", help="lint, check types and test; what follows -- goes to pytest")
+    command.add_argument("--python", choices=PYTHONS, help="test on this version only")
+    command.set_defaults(run=lambda options: test(options.python, pytest_arguments))
+
+    command = commands.add_parser("bench", help="run benchmarks/, or only those named")
+    command.add_argument("names", nargs="*", metavar="NAME")
+    command.set_defaults(run=lambda options: bench(options.names))
+
+    command = commands.add_parser("release", help="build the extension's zip for each platform, wheels included")
+    command.add_argument("--platform", choices=WHEEL_TAGS, action="append", help="only this one; may be repeated")
+    command.add_argument("--extra-wheels", type=Path, metavar="FOLDER", help="bundle these wheels as well")
+    command.add_argument("--output", type=Path, default=ROOT / "dist", metavar="FOLDER", help="default: dist/")
+    command.set_defaults(run=lambda o: release(o.platform or list(WHEEL_TAGS), o.extra_wheels, o.output))
+
+    options = parser.parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except Failure as failure:
+        print(f"dev.py: {failure}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def split_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Ours, and those after `--`."""
+    if "--" not in arguments:
+        return arguments, []
+    cut = arguments.index("--")
+    return arguments[:cut], arguments[cut + 1 :]
+
+
+def sample(scene: Path) -> int:
+    """Bake `scene` into out/sample/ and render it with the baked light."""
+    if not scene.is_file():
+        raise Failure(f"{scene}: no such file. The scenes to choose from are in {ROOT / 'sample_scenes'}.")
+    python = environment(any_interpreter())
+    folder = ROOT / "out" / "sample"
+    folder.mkdir(parents=True, exist_ok=True)
+    baked, picture, report = folder / scene.name, folder / f"{scene.stem}.png", folder / "report.json"
+    written = ["-o", baked, "--textures", folder / "textures", "--report", report, "--render", picture]
+    code = call([python, "-m", "radiosity_addon", "bake", scene.resolve(), *written])
+    if code == 0:
+        print(f"\nBaked scene:      {baked}\nLightmap pages:   {folder / 'textures'}")
+        print(f"Report:           {report}\nRendered picture: {picture}")
+    return code
+
+
+def test(version: str | None, pytest_arguments: list[str]) -> int:
+    """Format, lint and types once, then pytest on every Python; 0 if all passed."""
+    pythons: dict[str, Path] = {}
+    missing: list[str] = []
+    for wanted in [version] if version else PYTHONS:
+        interpreter = find_interpreter(wanted)
+        if interpreter is None:
+            missing.append(wanted)
+        else:
+            pythons[wanted] = environment((wanted, interpreter))
+    if not pythons:
+        raise Failure(f"found no CPython {' or '.join(missing)}. Install one, from python.org or with pyenv.")
+
+    first = next(iter(pythons.values()))
+    steps: dict[str, list[object]] = {
+        "ruff format": [first, "-m", "ruff", "format", "--check", "."],
+        "ruff check": [first, "-m", "ruff", "check", "."],
+        "mypy": [first, "-m", "mypy"],
+    }
+    for wanted, python in pythons.items():
+        steps[f"pytest on Python {wanted}"] = [python, "-m", "pytest", *pytest_arguments]
+
+    failed = False
+    verdicts = []
+    for name, command in steps.items():
+        start = time.monotonic()
+        code = call(command, limit=STEP_LIMIT)
+        verdict = "passed" if code == 0 else f"FAILED with exit code {code}"
+        verdicts.append(f"{name}: {verdict}, {time.monotonic() - start:.0f} s")
+        failed |= code != 0
+    in_ci = os.environ.get("CI", "").lower() in ("1", "true", "yes")
+    for wanted in missing:
+        verdicts.append(f"pytest on Python {wanted}: {'FAILED' if in_ci else 'skipped'}, no CPython {wanted} found")
+        failed |= in_ci
+    print("", *verdicts, sep="\n")
+    return int(failed)
+
+
+def bench(names: Sequence[str]) -> int:
+    """Run the scripts of benchmarks/ one after the other; 0 if all passed."""
+    known = {path.stem: path for path in sorted((ROOT / "benchmarks").glob("[!_]*.py"))}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise Failure(f"no benchmark {', '.join(unknown)}. There are: {', '.join(known)}.")
+    python = environment(any_interpreter())
+    return max([call([python, known[name]]) for name in names or known], default=0)
+
+
+def release(platforms: Sequence[str], extra_wheels: Path | None, output: Path) -> int:
+    """Build one zip a platform into `output`: the repository's manifest, completed with wheels and platforms."""
+    if extra_wheels is not None and not extra_wheels.is_dir():
+        raise Failure(f"{extra_wheels}: no such folder.")
+    python = environment(any_interpreter())
+    stage = ROOT / "build" / "stage"
+    shutil.rmtree(stage, ignore_errors=True)
+    stage.mkdir(parents=True)
+    for name in STAGED:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, stage / name, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
+        else:
+            shutil.copy2(ROOT / name, stage / name)
+
+    wheels = stage / "wheels"
+    for platform in platforms:
+        for version in PYTHONS:
+            download_wheels(python, platform, version, wheels)
+    for wheel in sorted(extra_wheels.glob("*.whl")) if extra_wheels else []:
+        shutil.copy2(wheel, wheels)
+    complete_manifest(stage / "blender_manifest.toml", platforms, sorted(path.name for path in wheels.glob("*.whl")))
+
+    output.mkdir(parents=True, exist_ok=True)
+    tool = extension_tool(python)
+    places = ["--source-dir", stage, "--output-dir", output.resolve()]
+    return call([python, tool, "build", "--split-platforms", *places])
+
+
+def download_wheels(python: Path, platform: str, version: str, folder: Path) -> None:
+    """Put the bundled packages' wheels for one of Blender's platforms and one Python into `folder`."""
+    pins = [line for line in requirements(version).read_text().splitlines() if line.split("==")[0] in BUNDLED]
+    tags = [word for tag in WHEEL_TAGS[platform] for word in ("--platform", tag)]
+    target = ["--only-binary=:all:", "--no-deps", "--implementation", "cp", "--python-version", version, *tags]
+    if call([python, "-m", "pip", "download", "--quiet", "--dest", folder, *target, *pins]):
+        raise Failure(f"a wheel for {platform} and Python {version} could not be downloaded.")
+
+
+def complete_manifest(manifest: Path, platforms: Sequence[str], wheels: Sequence[str]) -> None:
+    """Add `platforms` and `wheels` above the manifest's first table."""
+    text = manifest.read_text(encoding="utf-8")
+    head, table, tail = text.partition("\n[")
+    listed = json.dumps([f"./wheels/{name}" for name in wheels], indent=2)
+    lines = f"\nplatforms = {json.dumps(list(platforms))}\nwheels = {listed}\n"
+    manifest.write_text(head + lines + table + tail, encoding="utf-8")
+
+
+def extension_tool(python: Path) -> Path:
+    """Blender's own packer of extensions, inside the bpy wheel."""
+    found = subprocess.run(
+        [python, "-c", "import importlib.util as u; print(u.find_spec('bpy').submodule_search_locations[0])"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    tools = sorted(Path(found).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    if not tools:
+        raise Failure(f"no blender_ext.py under {found}.")
+    return tools[-1]
+
+
+def requirements(version: str) -> Path:
+    """The pinned packages of one Python version."""
+    return ROOT / "requirements" / f"python-{version}.txt"
+
+
+def environment(interpreter: tuple[str, Path]) -> Path:
+    """The Python of an environment with everything that `requirements` pins; made anew when the pins change."""
+    version, base = interpreter
+    pins = requirements(version)
+    key = hashlib.sha256(pins.read_bytes()).hexdigest()
+    folder = ROOT / f".venv-{version}"
+    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    stamp = folder / "pins.sha256"
+    if stamp.is_file() and stamp.read_text() == key and probe([str(python)]) is not None:
+        return python
+    print(f"dev.py: making {folder.name}, once", flush=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    if call([base, "-m", "venv", folder]):
+        raise Failure(f"{base} can't make a virtual environment. Install its venv module.")
+    if call([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement", pins]):
+        raise Failure(f"the packages of {pins.name} could not be installed.")
+    stamp.write_text(key)
+    return python
+
+
+def any_interpreter() -> tuple[str, Path]:
+    """The first supported version that is found, and its interpreter."""
+    for version in PYTHONS:
+        interpreter = find_interpreter(version)
+        if interpreter is not None:
+            return version, interpreter
+    raise Failure(f"found no CPython {' or '.join(PYTHONS)}. Install one, from python.org or with pyenv.")
+
+
+def find_interpreter(version: str) -> Path | None:
+    """A CPython of that version, found by running candidates."""
+    for command in candidates(version):
+        found = probe(command)
+        if found is not None and found[0] == version:
+            return found[1]
+    return None
+
+
+def candidates(version: str) -> Iterator[list[str]]:
+    """Commands that may start a CPython of that version."""
+    yield [sys.executable]
+    for name in (f"python{version}", "python3", "python"):
+        yield [name]
+    yield ["py", f"-{version}"]
+    roots = [os.environ.get("PYENV_ROOT"), output_of(["pyenv", "root"]), str(Path.home() / ".pyenv")]
+    for root in dict.fromkeys(filter(None, roots)):
+        for folder in sorted(Path(root, "versions").glob(f"{version}.*"), key=patch_number, reverse=True):
+            yield [str(folder / ("python.exe" if os.name == "nt" else "bin/python"))]
+
+
+def patch_number(folder: Path) -> int:
+    """7 of a folder called 3.13.7; 0 of one that is called otherwise."""
+    last = folder.name.split(".")[-1]
+    return int(last) if last.isdigit() else 0
+
+
+def probe(command: list[str]) -> tuple[str, Path] | None:
+    """Version and real path of the CPython that `command` starts, if it does."""
+    code = "import platform, sys; print(platform.python_implementation(), '%d.%d' % sys.version_info[:2]); "
+    words = output_of([*command, "-c", code + "print(sys.executable)"]).splitlines()
+    if len(words) != 2 or not words[0].startswith("CPython "):
+        return None
+    return words[0].split()[1], Path(words[1])
+
+
+def output_of(command: list[str]) -> str:
+    """What a command prints; nothing if it can't be run."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def call(command: Sequence[object], limit: float | None = None) -> int:
+    """Run a command from the root, its output going where ours goes; its exit code, 124 after `limit` seconds."""
+    shown = " ".join(str(word) for word in command)
+    print(f"$ {shown.replace(str(ROOT) + os.sep, '')}", flush=True)
+    try:
+        return subprocess.run([str(word) for word in command], cwd=ROOT, timeout=limit, check=False).returncode
+    except subprocess.TimeoutExpired:
+        print(f"dev.py: stopped after {limit:.0f} s", flush=True)
+        return 124
+
+
+if __name__ == "__main__":
+    sys.exit(main())
