@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report's keys are a promise to whoever reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from radiosity_addon.files import Transaction
+from radiosity_addon.report import BakedObject, Page, Report, write_report
+
+
+def report(**changes: object) -> Report:
+    fields: dict[str, object] = {
+        "pages": [Page("room_radiosity_1", Path("/work/out/room_textures/room_radiosity_1.exr"), (64, 64))],
+        "objects": [BakedObject("Wall", "Wall", 0, np.int64(120), np.float64(16.5))],
+        "skipped": [("Hair", "has no surface")],
+        "stages": [("Unwrap", 0.25, 0), ("Gather", np.float64(1.5), np.int64(3000))],
+        "seconds": 2.0,
+        "texels": np.int64(120),
+        "patches": 12,
+        "rays": np.int64(3000),
+        "residual": np.float32(0.0009765625),
+        "warnings": ["Lamp: negative energy"],
+    }
+    return Report(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def test_the_keys_are_exactly_the_promised_ones() -> None:
+    found = json.loads(report().as_json(Path("/work/out")))
+    assert found == {
+        "pages": [{"image": "room_radiosity_1", "file": "room_textures/room_radiosity_1.exr", "size": [64, 64]}],
+        "objects": [{"source": "Wall", "object": "Wall", "page": 0, "texels": 120, "density": 16.5}],
+        "skipped": [{"object": "Hair", "reason": "has no surface"}],
+        "stages": [
+            {"name": "Unwrap", "seconds": 0.25, "rays": 0},
+            {"name": "Gather", "seconds": 1.5, "rays": 3000},
+        ],
+        "seconds": 2.0,
+        "texels": 120,
+        "patches": 12,
+        "rays": 3000,
+        "residual": 0.0009765625,
+        "warnings": ["Lamp: negative energy"],
+    }
+
+
+def test_an_instance_says_where_it_lies() -> None:
+    instance = BakedObject("Chair", "Chair", 1, 9, 8.0, (0.5, 0.25), (0.125, 0.0), np.eye(4))
+    found = json.loads(report(objects=[instance]).as_json(Path("/work/out")))["objects"][0]
+    assert found["uv_scale"] == [0.5, 0.25]
+    assert found["uv_offset"] == [0.125, 0.0]
+    assert found["matrix"] == np.eye(4).tolist()
+
+
+def test_a_packed_page_has_no_file() -> None:
+    assert json.loads(report(pages=[Page("p", None, (8, 8))]).as_json(Path("/")))["pages"][0]["file"] is None
+
+
+def test_a_residual_that_is_no_number_becomes_null() -> None:
+    assert json.loads(report(residual=float("nan")).as_json(Path("/")))["residual"] is None
+
+
+def test_the_file_lies_in_utf_8_with_paths_relative_to_the_folder_given(tmp_path: Path) -> None:
+    page = Page("p", tmp_path / "textures" / "夜.exr", (8, 8))
+    with Transaction() as files:
+        write_report(tmp_path / "report.json", report(pages=[page]), tmp_path / "blends", files)
+        files.commit()
+    found = json.loads((tmp_path / "report.json").read_bytes().decode("utf-8"))
+    assert found["pages"][0]["file"] == "../textures/夜.exr"
