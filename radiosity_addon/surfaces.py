@@ -10,8 +10,8 @@ import numpy as np
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .scene import Scene
 
-OFFSET_SHARE = 1e-5
-"""Ray origins are lifted off a surface by this share of the scene's radius; below 1e-6 Embree meets the surface itself."""
+OFFSET_SHARE = 2e-6
+"""Ray origins are lifted by this share of the scene's radius; below 1e-6 Embree meets the surface itself."""
 
 
 @dataclass(frozen=True, eq=False)

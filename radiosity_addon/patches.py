@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Patches: groups of texels between which light is transported, the finite elements of the method.
+
+Texels are grouped by cells of a world-space grid, so patches follow the surface and the wanted fineness, not the
+modeller's triangles or the borders of charts. Surfaces that can be seen from behind have patches of that side too.
+
+What a ray meets is an "element": a texel's front (0 .. T - 1), the back of patch i (T + i), the sky, or nothing
+that takes part. One table of radiances, indexed by element, then serves every ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Float64, Int32, Int64
+from .sampling import even_uniform
+from .surfaces import Surfaces
+from .texels import STRATA, Texels
+from .visibility import Hits
+
+SKY = -1
+"""A ray that left the scene."""
+
+NOTHING = -2
+"""A ray that met something which takes no part: the inside of a solid, an invalid texel."""
+
+BACK_COARSENESS = 2.0
+"""Cells of back sides are this much wider: their light is seen only after one more bounce."""
+
+ORIGIN_DIMENSION = 2
+"""Dimension of the sample sequence that spreads ray origins; directions take 0 and 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """N patches, front sides first.
+
+    Attributes:
+        area: (N,) float64, m2
+        reflectance: (N, 3) float32, area-weighted mean
+        emission: (N, 3) float32, W/m2, exitance that is not sampled as a lamp
+        of_element: (T + N,) int32, patch of each element; NOTHING for invalid texels
+        back: (T,) int32, patch behind each texel, NOTHING for solids
+        texels: the texels
+        sides: (N,) float32, 1 for fronts, -1 for backs
+    """
+
+    area: Float64
+    reflectance: Float32
+    emission: Float32
+    of_element: Int32
+    back: Int32
+    sides: Float32
+    texels: Texels
+    _start: Int64
+    _strata: Int32
+
+    @property
+    def count(self) -> int:
+        return len(self.area)
+
+    def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
+        """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
+        start, stop = self._start[patches], self._start[patches + 1]
+        chosen = even_uniform(patches, sample, ORIGIN_DIMENSION) * (stop - start)
+        stratum = self._strata[start + np.minimum(chosen.astype(np.int64), stop - start - 1)]
+        texels = self.texels
+        points, triangle = texels.points(stratum >> 2, stratum & (STRATA - 1))
+        normals = texels.surfaces.normal[triangle] * self.sides[patches, None]
+        points += normals * np.float32(texels.surfaces.offset)
+        return points, normals
+
+    def elements(self, hits: Hits) -> Int32:
+        """The element (R,) that each ray met."""
+        texel = self.texels.at(hits.triangle, hits.u, hits.v)
+        found = np.where(texel >= 0, texel, NOTHING)
+        behind = ~hits.front & (texel >= 0)
+        back = self.back[texel[behind]]
+        found[behind] = np.where(back >= 0, back + self.texels.count, NOTHING)
+        found[hits.triangle < 0] = SKY
+        return found.astype(np.int32)
+
+    def at(self, hits: Hits) -> Int32:
+        """The patch (R,) that each ray met, SKY or NOTHING."""
+        element = self.elements(hits)
+        return np.where(element >= 0, self.of_element[element], element).astype(np.int32)
+
+    def mean(self, values: Float32) -> Float64:
+        """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
+        front = self.of_element[: self.texels.count]
+        taking = np.flatnonzero((front >= 0) & (self.texels.area > 0))
+        owner, weight = front[taking], self.texels.area[taking].astype(np.float64)
+        total = np.bincount(owner, weights=weight, minlength=self.count)
+        flat = values.reshape(len(values), -1)
+        means = np.stack(
+            [np.bincount(owner, weights=weight * column[taking], minlength=self.count) for column in flat.T], axis=1
+        )
+        means /= np.maximum(total, 1e-30)[:, None]
+        return means.reshape(self.count, *values.shape[1:])
+
+
+def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid: Bools, target: int) -> Patches:
+    """Group texels into about `target` patches.
+
+    Args:
+        reflectance: (T, 3) float32
+        emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp
+        solid: (F,) bool, triangles without a back side
+    """
+    surfaces = texels.surfaces
+    taking = np.flatnonzero(texels.valid & (texels.area > 0))
+    weight = texels.area[taking].astype(np.float64)
+    width = float(np.sqrt(weight.sum() / max(target, 1))) or 1.0
+    front, fronts = _cells(texels, taking, width)
+    hollow = ~solid[texels.triangle[taking, 0]]
+    behind, backs = _cells(texels, taking[hollow], width * BACK_COARSENESS)
+    behind = behind + fronts
+    count = fronts + backs
+
+    members = np.concatenate([front, behind])
+    owners = np.concatenate([taking, taking[hollow]])
+    shares = np.concatenate([weight, weight[hollow]])
+    area = np.bincount(members, weights=shares, minlength=count)
+
+    def mean(values: Float32) -> Float32:
+        columns = [np.bincount(members, weights=shares * column[owners], minlength=count) for column in values.T]
+        return (np.stack(columns, axis=1) / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
+
+    of_element = np.full(texels.count + count, NOTHING, np.int32)
+    of_element[taking] = front
+    of_element[texels.count :] = np.arange(count)
+    _join_lonely(of_element, texels, surfaces, taking, width)
+    back = np.full(texels.count, NOTHING, np.int32)
+    back[taking[hollow]] = behind
+    start, strata = _strata_lists(texels, members, owners, count)
+    return Patches(
+        area=area,
+        reflectance=mean(reflectance),
+        emission=mean(emission),
+        of_element=of_element,
+        back=back,
+        sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
+        texels=texels,
+        _start=start,
+        _strata=strata,
+    )
+
+
+def _cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
+    """One number for each texel (C,): equal for texels of one cell, facing, material and connected surface."""
+    surfaces = texels.surfaces
+    triangle = texels.triangle[chosen, 0]
+    cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
+    normal = texels.normal[chosen]
+    axis = np.abs(normal).argmax(1)
+    facing = axis * 2 + (normal[np.arange(len(axis)), axis] < 0)
+    key = surfaces.component[triangle].astype(np.int64)
+    for part in (surfaces.material[triangle], facing, cell[:, 0], cell[:, 1], cell[:, 2]):
+        key = key * np.int64(0x100000001B3) ^ part.astype(np.int64)  # FNV-1a (Fowler, Noll, Vo), a word at a time
+    return key
+
+
+def _cells(texels: Texels, chosen: Int64, width: float) -> tuple[Int64, int]:
+    """Number of the cell of each chosen texel (C,), and how many cells there are."""
+    names, cell = np.unique(_cell_keys(texels, chosen, width), return_inverse=True)
+    return cell.reshape(-1), len(names)
+
+
+def _join_lonely(of_element: Int32, texels: Texels, surfaces: Surfaces, taking: Int64, width: float) -> None:
+    """Give texels without area of their own, beside charts, the patch of a texel in their cell."""
+    lonely = np.flatnonzero(texels.valid & (texels.area <= 0))
+    names, first = np.unique(_cell_keys(texels, taking, width), return_index=True)
+    if not len(names) or not len(lonely):
+        return
+    keys = _cell_keys(texels, lonely, width)
+    place = np.minimum(np.searchsorted(names, keys), len(names) - 1)
+    found = names[place] == keys
+    of_element[lonely[found]] = of_element[taking[first[place[found]]]]
+
+
+def _strata_lists(texels: Texels, members: Int64, owners: Int64, count: int) -> tuple[Int64, Int32]:
+    """Covered strata of each patch, one after the other: offsets (N + 1,) and texel * 4 + slot (K,)."""
+    order = np.argsort(members, kind="stable")
+    sorted_owners = owners[order]
+    bits = ((texels.covered[sorted_owners][:, None] >> np.arange(STRATA)) & 1).astype(bool)
+    bits[~bits.any(1), 0] = True
+    strata = (sorted_owners[:, None] * STRATA + np.arange(STRATA))[bits]
+    number = np.bincount(members, weights=bits.sum(1)[np.argsort(order, kind="stable")], minlength=count)
+    return np.concatenate([[0], np.cumsum(number)]).astype(np.int64), strata.astype(np.int32)
