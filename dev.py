@@ -179,7 +179,8 @@ def download_wheels(python: Path, platform: str, version: str, folder: Path) -> 
     pins = [line for line in requirements(version).read_text().splitlines() if line.split("==")[0] in BUNDLED]
     tags = [word for tag in WHEEL_TAGS[platform] for word in ("--platform", tag)]
     target = ["--only-binary=:all:", "--no-deps", "--implementation", "cp", "--python-version", version, *tags]
-    if call([python, "-m", "pip", "download", "--quiet", "--dest", folder, *target, *pins]):
+    print(f"dev.py: wheels for {platform}, Python {version}", flush=True)
+    if call([python, "-m", "pip", "download", "--quiet", "--dest", folder, *target, *pins], shown=False):
         raise Failure(f"a wheel for {platform} and Python {version} could not be downloaded.")
 
 
@@ -285,12 +286,13 @@ def output_of(command: list[str]) -> str:
     return done.stdout.strip()
 
 
-def call(command: Sequence[object], limit: float | None = None) -> int:
+def call(command: Sequence[object], limit: float | None = None, shown: bool = True) -> int:
     """Run a command from the root, its output going where ours goes; its exit code, 124 after `limit` seconds."""
-    shown = " ".join(str(word) for word in command)
-    print(f"$ {shown.replace(str(ROOT) + os.sep, '')}", flush=True)
+    words = [str(word) for word in command]
+    if shown:
+        print("$", " ".join(words).replace(str(ROOT) + os.sep, ""), flush=True)
     try:
-        return subprocess.run([str(word) for word in command], cwd=ROOT, timeout=limit, check=False).returncode
+        return subprocess.run(words, cwd=ROOT, timeout=limit, check=False).returncode
     except subprocess.TimeoutExpired:
         print(f"dev.py: stopped after {limit:.0f} s", flush=True)
         return 124
