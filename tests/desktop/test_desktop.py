@@ -92,3 +92,23 @@ def test_operator_bakes_the_light_of_a_lamp(result: dict[str, Any]) -> None:
     assert "Radiosity" in result["uv_maps"]
     (page,) = result["pages"]
     assert page["brightest"] == pytest.approx(FLOOR_CENTRE, rel=0.01)
+
+
+def test_command_line_bakes_the_file_given_before_it(desktop: Desktop) -> None:
+    baked = desktop.folder / "command" / "baked.blend"
+    baked.parent.mkdir()
+    bake = ["radiosity", "bake", "-o", baked, "--page-size", "128", "--report", baked.with_suffix(".json")]
+    done = desktop.run(desktop.folder / "scene.blend", "--command", *bake)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert baked.is_file()
+    report = json.loads(baked.with_suffix(".json").read_text(encoding="utf-8"))
+    assert [item["source"] for item in report["objects"]] == ["Floor"]
+
+
+def test_command_line_says_that_a_missing_file_is_missing(desktop: Desktop) -> None:
+    done = desktop.run(
+        "--command", "radiosity", "bake", desktop.folder / "none.blend", "-o", desktop.folder / "x.blend"
+    )
+    assert done.returncode == 1
+    assert "no such file" in done.stderr
+    assert "Traceback" not in done.stderr
