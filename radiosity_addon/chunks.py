@@ -53,3 +53,17 @@ def finish(steps: Generator[object, None, T]) -> T:
         except StopIteration as stop:
             result: T = stop.value
             return result
+
+
+def scaled(steps: Fractions[T], low: float, high: float) -> Fractions[T]:
+    """The same steps, their shares mapped to low..high."""
+    try:
+        while True:
+            try:
+                share = next(steps)
+            except StopIteration as stop:
+                result: T = stop.value
+                return result
+            yield low + (high - low) * share
+    finally:
+        steps.close()

@@ -23,7 +23,8 @@ class Quality:
         patch_rays: transport rays of a patch of mean area
         patches: patches aimed at for a page of a million texels
         gather_rays: final-gather rays of a gather point
-        gather_spacing: distance of gather points, in texels, on open surfaces
+        gather_spacing: least distance of gather points, in texels, on open surfaces
+        gather_points: gather points on open surfaces, at most; nooks get more
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
@@ -33,15 +34,16 @@ class Quality:
     patches: int
     gather_rays: int
     gather_spacing: float
+    gather_points: int
     shadow_probes: int
     shadow_rays: int
     gather_passes: int
 
 
 QUALITY_STEPS: dict[str, Quality] = {
-    "draft": Quality(64, 6000, 64, 12.0, 1, 16, 1),
-    "medium": Quality(128, 12000, 192, 8.0, 2, 36, 2),
-    "high": Quality(256, 24000, 512, 6.0, 4, 144, 2),
+    "draft": Quality(64, 6000, 64, 8.0, 3000, 1, 16, 1),
+    "medium": Quality(128, 12000, 192, 6.0, 6000, 2, 36, 2),
+    "high": Quality(256, 24000, 512, 4.0, 12000, 4, 144, 2),
 }
 
 
@@ -66,7 +68,9 @@ class BakeSettings:
 
     def __post_init__(self) -> None:
         if self.density is not None and not (math.isfinite(self.density) and self.density > 0):
-            raise SettingsError("Density", f"{self.density} is not a positive number", "Give texels per metre, such as 64")
+            raise SettingsError(
+                "Density", f"{self.density} is not a positive number", "Give texels per metre, such as 64"
+            )
         if not 16 <= self.page_size <= MAX_PAGE_SIZE:
             raise SettingsError(
                 "Page size", f"{self.page_size} is out of range", f"Choose from 16 to {MAX_PAGE_SIZE} texels"

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the final gather looks: one texel in each cell of a grid that is finer where surfaces are near.
+
+Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988), so
+a cell is split while it is wide against the harmonic mean distance seen from its point, or its normals differ.
+Cells are world-space ones, so charts and objects that share a plane share them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Int32, Int64
+from .texels import Texels
+
+LEVELS = 6
+"""Widths halve from level to level."""
+
+SPLIT_SHARE = 0.35
+"""A cell is split while it is wider than this share of the harmonic mean distance from its point."""
+
+SPLIT_BEND = 0.02
+"""A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
+
+FINEST = 2.0
+"""No cell is narrower than this many texels."""
+
+
+@dataclass(frozen=True, eq=False)
+class GatherPoints:
+    """P points and the cells that they stand for.
+
+    Attributes:
+        texel: (P,) int64, the texel each stands at
+        width: (P,) float32, m, of its cell
+        nearest: (P,) float32, m, to the nearest surface seen
+        cell: (T,) int32, point of the cell that a texel lies in, -1 for texels without light
+    """
+
+    texel: Int64
+    width: Float32
+    nearest: Float32
+    cell: Int32
+
+    @property
+    def count(self) -> int:
+        return len(self.texel)
+
+
+Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32]]]
+"""Traces pilot rays from texels (Q,); returns their harmonic mean and nearest distances (Q,), m."""
+
+
+def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
+    """One number for each texel (C,), equal within a cell of `width`, m, and a facing of the shading normal."""
+    normal = texels.shading_normal[chosen]
+    axis = np.abs(normal).argmax(1)
+    key = axis.astype(np.int64) * 2 + (normal[np.arange(len(axis)), axis] < 0)
+    for column in range(3):
+        cell = np.floor(texels.position[chosen, column] / np.float32(width)).astype(np.int64)
+        key = key * (1 << 20) + (cell + (1 << 19))
+    return key
+
+
+def place_points(
+    texels: Texels, lit: Bools, base: float, texel_width: float, look: Look
+) -> Generator[float, None, GatherPoints]:
+    """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide."""
+    cell = np.full(texels.count, -1, np.int32)
+    at_texel = np.full(texels.count, -1, np.int32)
+    places: list[Int64] = []
+    widths = harmonic = nearest = np.zeros(0, np.float32)
+    open_texels = np.flatnonzero(lit)
+    for level in range(LEVELS):
+        if not len(open_texels):
+            break
+        width = base / 2**level
+        last = level == LEVELS - 1 or width / 2 < FINEST * texel_width
+        keys = cell_keys(texels, open_texels, width)
+        order = np.argsort(keys, kind="stable")
+        members = open_texels[order]
+        begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+        size = np.diff(np.append(begin, len(order)))
+        point = np.maximum.reduceat(at_texel[members], begin)
+        new = np.flatnonzero(point < 0)
+        fresh = members[begin[new] + size[new] // 2]
+        point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
+        at_texel[fresh] = point[new]
+        seen = yield from look(fresh)
+        harmonic = np.concatenate([harmonic, seen[0]])
+        nearest = np.concatenate([nearest, seen[1]])
+        widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
+        places.append(fresh)
+        widths[point] = width
+        cell[members] = np.repeat(point, size)
+        if last:
+            break
+        mean = np.add.reduceat(texels.shading_normal[members], begin, axis=0) / size[:, None]
+        bent = np.sqrt(np.einsum("ij,ij->i", mean, mean)) < 1 - SPLIT_BEND
+        split = ((width > SPLIT_SHARE * harmonic[point]) | bent) & (size > 1)
+        open_texels = np.sort(members[np.repeat(split, size)])
+    texel = np.concatenate(places) if places else np.zeros(0, np.int64)
+    return GatherPoints(texel, widths.astype(np.float32), nearest.astype(np.float32), cell)
