@@ -29,6 +29,7 @@ def main(archive: str, folder: Path) -> None:
 
     build_scene()
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    bpy.context.scene.radiosity.page_size = 256
     result["bake"] = sorted(bpy.ops.radiosity.bake())
     floor = bpy.data.objects["Floor"]
     result["uv_maps"] = [layer.name for layer in floor.data.uv_layers]
