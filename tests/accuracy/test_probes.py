@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The probes themselves, on light that is known on paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy", reason="Cycles is part of bpy, which is not installed")
+import bpy
+
+from tests.accuracy import probes
+
+SAMPLES = 512
+
+
+@pytest.fixture(autouse=True)
+def floor():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    bpy.context.scene.world = world
+    mesh = bpy.data.meshes.new("Floor")
+    mesh.from_pydata([(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)], [], [(0, 1, 2, 3)])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Floor", mesh))
+
+
+def lamp(kind: str, **attributes: float) -> None:
+    data = bpy.data.lights.new("Lamp", kind)
+    for name, value in attributes.items():
+        setattr(data, name, value)
+    made = bpy.data.objects.new("Lamp", data)
+    made.location = (0, 0, 2)
+    bpy.context.scene.collection.objects.link(made)
+
+
+def at_the_centre() -> np.ndarray:
+    below = probes.Probes(np.array(["Floor"]), np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+    values, _ = probes.measure(below, size=10.0, samples=SAMPLES, seeds=[1])
+    return values[0, 0]
+
+
+def test_point_lamp_over_a_floor_is_as_on_paper() -> None:
+    lamp("POINT", energy=100.0, shadow_soft_size=0.0)
+    np.testing.assert_allclose(at_the_centre(), 0.633257, rtol=1e-3)
+
+
+def test_square_area_lamp_over_a_floor_is_as_on_paper() -> None:
+    lamp("AREA", energy=100.0, size=1.0)
+    np.testing.assert_allclose(at_the_centre(), 2.33887, rtol=2e-3)
+
+
+def test_sun_on_a_floor_is_as_on_paper() -> None:
+    lamp("SUN", energy=3.0, angle=0.0)
+    np.testing.assert_allclose(at_the_centre(), 3.0 / math.pi, rtol=1e-3)
+
+
+def test_open_sky_of_strength_one_gives_one() -> None:
+    background = bpy.context.scene.world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (1, 1, 1, 1)
+    background.inputs["Strength"].default_value = 1.0
+    np.testing.assert_allclose(at_the_centre(), 1.0, rtol=1e-3)
+
+
+def test_each_probe_gets_its_own_texel_and_the_light_of_its_own_place() -> None:
+    lamp("POINT", energy=100.0, shadow_soft_size=0.0)
+    place = probes.place(probes.rendered_surfaces(), 30)
+    values, _ = probes.measure(place, size=10.0, samples=SAMPLES, seeds=[1])
+    squared = (place.position**2).sum(axis=1) + 4.0
+    expected = 100.0 * 2.0 / (4 * math.pi**2 * squared**1.5)
+    np.testing.assert_allclose(values[0, :, 0], expected, rtol=2e-3)
+
+
+def test_probes_follow_area_and_are_the_same_each_time() -> None:
+    corners = np.array([[(0, 0, 0), (3, 0, 0), (0, 2, 0)], [(0, 0, 5), (1, 0, 5), (0, 2, 5)]], float)
+    surfaces = [probes.Surface("large", corners[:1]), probes.Surface("small", corners[1:])]
+    first, second = probes.place(surfaces, 40), probes.place(surfaces, 40)
+    assert (first.object == "large").sum() == 30
+    np.testing.assert_array_equal(first.position, second.position)
+    np.testing.assert_allclose(first.position[first.object == "small", 2], 5.0)
