@@ -114,3 +114,11 @@ def test_every_source_file_names_its_licence() -> None:
 def test_root_module_imports_nothing_before_it_is_registered() -> None:
     code = "import runpy, sys; runpy.run_path('__init__.py'); sys.exit('radiosity_addon' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
+
+
+def test_architecture_shows_where_every_module_is() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    package = ROOT / "radiosity_addon"
+    modules = {path.relative_to(package).as_posix() for path in package.rglob("*.py") if path.name != "__init__.py"}
+    named = set(re.findall(r"`((?:blender/)?\w+\.py)`", text))
+    assert named == modules
