@@ -269,8 +269,8 @@ def patch_number(folder: Path) -> int:
 
 
 def probe(command: list[str]) -> tuple[str, Path] | None:
-    """Version and real path of the CPython that `command` starts, if it does."""
-    code = "import platform, sys; print(platform.python_implementation(), '%d.%d' % sys.version_info[:2]); "
+    """Version and path of the CPython that `command` starts, if it starts one that can make environments."""
+    code = "import ensurepip, platform, sys; print(platform.python_implementation(), '%d.%d' % sys.version_info[:2]); "
     words = output_of([*command, "-c", code + "print(sys.executable)"]).splitlines()
     if len(words) != 2 or not words[0].startswith("CPython "):
         return None
