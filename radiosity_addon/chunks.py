@@ -55,7 +55,7 @@ def finish(steps: Generator[object, None, T]) -> T:
             return result
 
 
-def scaled(steps: Fractions[T], low: float, high: float) -> Fractions[T]:
+def scaled(steps: Generator[float, None, T], low: float, high: float) -> Generator[float, None, T]:
     """The same steps, their shares mapped to low..high."""
     try:
         while True:

@@ -18,7 +18,7 @@ from .arrays import Float32, Int32, Int64
 Bits: TypeAlias = NDArray[np.uint32]
 
 SEQUENCE_BITS = 16
-"""The low-discrepancy sequence is tabulated to 2^16 samples: a table that stays in cache, and more than a point needs."""
+"""The low-discrepancy sequence is tabulated to 2^16 samples: the table stays in cache, and no point needs more."""
 
 BLOCK = 16384
 """Directions are made in blocks of so many, whose temporaries (about 1 MB) stay in the second-level cache."""

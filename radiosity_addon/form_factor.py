@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The exchange of light between patches: form factors from cosine-distributed rays, traced once.
+
+Rays alone give F[i, j] and F[j, i] that contradict each other within their noise. The solvers need an operator
+that is reciprocal and keeps energy, so both estimates of a pair are joined and the whole is balanced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Float32, Float64, Int32, Int64
+from .chunks import finish, in_chunks, scaled
+from .patches import NOTHING, SKY, Patches
+from .sampling import cosine_directions, even_uniform
+from .settings import BakeSettings
+from .visibility import Visibility
+
+TRACED_RAYS = 16384
+"""Rays of patches of mean size that are traced at once: their arrays, 2 MB, stay in cache."""
+
+MERGED_HITS = 1 << 20
+"""Hits that are sorted at once, 20 MB."""
+
+SUMMED_ENTRIES = 1 << 18
+"""Entries of the exchange that one thread takes at a time: 1 ms of work."""
+
+BLOCK_ENTRIES = 1 << 15
+"""Entries of the exchange that are multiplied at once: 0.6 MB, in cache; larger ones cost four times as much."""
+
+SMALL_SHARE = 0.25
+"""Below this share of all entries, light is sent along the rows that shoot; above, every patch gathers."""
+
+MOST_SWEEPS = 60
+"""Sweeps of the balancing; a room takes about 20, a few patches that hardly see each other take more."""
+
+BALANCED = 1e-7
+"""Relative error of the row sums at which balancing stops; float32 entries hold no more."""
+
+BALANCING_POWER = 0.75
+"""Exponent of a balancing step. Errors shrink by 1 - power (1 + w) for eigenvalues w of F: 1/2 settles alternating
+errors in one step, but smooth ones (w near 0) slowly; 3/4 treats w in [-1/3, 1], where those of rooms lie, alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class Transport:
+    """How N patches exchange light: K = A F, symmetric and sparse, row by row.
+
+    K[i, j] = area[i] F[i, j], with F[i, j] the share of what leaves patch i that reaches patch j.
+
+    Attributes:
+        area: (N,) float64, m2
+        first: (N + 1,) int64, where the entries of each row begin
+        column: (P,) int32, rising within a row
+        exchange: (P,) float32, m2, entries of K
+        escaped: (N,) float64, share of what leaves a patch that reaches no patch: 1 less its row's sum of F
+        rays: (N,) int64, rays that a row was estimated from
+        workers: threads
+    """
+
+    area: Float64
+    first: Int64
+    column: Int32
+    exchange: Float32
+    escaped: Float64
+    rays: Int64
+    workers: int = 1
+
+    @property
+    def count(self) -> int:
+        return len(self.area)
+
+    def gather(self, radiosity: Float64) -> Float64:
+        """Power (N, C), W, that every patch receives when all leave `radiosity` (N, C), W/m2: K @ radiosity.
+
+        Each row is summed in float64 in its own order, whatever the number of threads.
+        """
+        columns = np.ascontiguousarray(radiosity.T, np.float64)
+        return _row_sums(self.first, self.column, self.exchange, columns, self.workers).T
+
+    def scatter(self, rows: Int64, radiosity: Float64) -> Float64:
+        """Power (N, C), W, that every patch receives when `rows` (S,) leave `radiosity` (S, C), W/m2."""
+        lengths = self.first[rows + 1] - self.first[rows]
+        total = int(lengths.sum())
+        if total > SMALL_SHARE * len(self.column):
+            everywhere = np.zeros((self.count, radiosity.shape[1]))
+            everywhere[rows] = radiosity
+            return self.gather(everywhere)
+        entries = np.arange(total) + np.repeat(self.first[rows] - (np.cumsum(lengths) - lengths), lengths)
+        column, exchange = self.column[entries], self.exchange[entries]
+        received = [
+            np.bincount(column, weights=exchange * np.repeat(channel, lengths), minlength=self.count)
+            for channel in np.asarray(radiosity, np.float64).T
+        ]
+        return np.stack(received, axis=1)
+
+    def dense(self) -> Float64:
+        """K as an (N, N) matrix, m2; for small N."""
+        matrix = np.zeros((self.count, self.count))
+        matrix[np.repeat(np.arange(self.count), np.diff(self.first)), self.column] = self.exchange
+        return matrix
+
+
+def trace_transport(
+    patches: Patches, visibility: Visibility, settings: BakeSettings
+) -> Generator[float, None, Transport]:
+    """Trace which patches see each other; yields the share done and returns the balanced Transport.
+
+    The directions follow the Nusselt analog, Sobol points on the disc, and origins are spread over each patch, so
+    the share of patch i's rays that meet patch j estimates F[i, j] (Malley 1988). Rays that meet NOTHING don't count.
+    """
+    rays = ray_counts(patches.area, settings.steps.patch_rays)
+    begin = np.concatenate([[0], np.cumsum(rays)])
+    target = np.empty(begin[-1], np.int32)
+
+    def trace(start: int, stop: int) -> None:
+        ids = np.repeat(np.arange(start, stop, dtype=np.int32), rays[start:stop])
+        sample = np.arange(begin[start], begin[stop]) - begin[ids]
+        origins, normals = patches.origins(ids, sample)
+        directions = cosine_directions(normals, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
+        target[begin[start] : begin[stop]] = patches.at(visibility.first_hit(origins, directions))
+
+    chunk = max(1, TRACED_RAYS // settings.steps.patch_rays)
+    yield from scaled(in_chunks(trace, len(rays), chunk, settings.workers), 0.0, 0.8)
+    return (yield from join_hits(patches.area, rays, target, settings.workers))
+
+
+def ray_counts(area: Float64, mean: int) -> Int64:
+    """Rays (N,) of patches of `area` (N,), about `mean` for a patch of mean area.
+
+    They grow with the square root of the area: in proportion to it every ray would carry the same power, the best
+    for the light as a whole, alike for all every row would be equally exact; the root serves both. The bounds of 1/4
+    and 4 keep a scene with one huge patch from starving the others.
+    """
+    if not len(area):
+        return np.zeros(0, np.int64)
+    share = np.sqrt(area / area.mean())
+    return np.maximum(np.rint(mean * np.clip(share, 0.25, 4.0)), 1).astype(np.int64)
+
+
+def join_hits(area: Float64, rays: Int64, target: Int32, workers: int) -> Generator[float, None, Transport]:
+    """The balanced Transport of N patches from what their rays met.
+
+    Args:
+        area: (N,) float64, m2
+        rays: (N,) int64, rays of each patch
+        target: (R,) int32, what the rays met, patch after patch: a patch, SKY or NOTHING
+        workers: threads
+    """
+    count = len(area)
+    source = np.repeat(np.arange(count, dtype=np.int32), rays)
+    counted = rays - np.bincount(source[target == NOTHING], minlength=count)
+    gone = np.bincount(source[target == SKY], minlength=count)
+    per_area = counted / area
+    begin = np.concatenate([[0], np.cumsum(rays)])
+    bits = np.uint32(max(1, int(count - 1).bit_length()))
+
+    def join(start: int, stop: int) -> tuple[Int64, Int32, Float32]:
+        """Entries of rows start to stop: how many in each, their columns and exchange."""
+        own = slice(begin[start], begin[stop])
+        sent = np.flatnonzero(target[own] >= 0) + begin[start]
+        # As unsigned numbers, patches before `start` are huge: one comparison finds start <= target < stop.
+        came = np.flatnonzero((target - np.int32(start)).view(np.uint32) < stop - start)
+        row = np.concatenate([source[sent], target[came]]) - np.int32(start)
+        keys = row.astype(np.uint32) << bits
+        keys |= np.concatenate([target[sent], source[came]]).astype(np.uint32)
+        keys.sort()
+        new = np.ones(len(keys) + 1, bool)
+        np.not_equal(keys[1:], keys[:-1], out=new[1:-1])
+        runs = np.flatnonzero(new)
+        keys = keys[runs[:-1]]
+        row, column = (keys >> bits).astype(np.int32), (keys & ((np.uint32(1) << bits) - np.uint32(1))).astype(np.int32)
+        exchange = np.diff(runs) / (per_area[row + start] + per_area[column])
+        return np.bincount(row, minlength=stop - start), column, exchange.astype(np.float32)
+
+    chunk = min(max(1, MERGED_HITS * count // max(1, 2 * len(target))), 1 << (32 - int(bits)))
+    parts = yield from scaled(in_chunks(join, count, chunk, workers), 0.8, 0.9)
+    first, column, exchange = (
+        np.concatenate([np.zeros(0, kind), *(part[k] for part in parts)])
+        for k, kind in enumerate((np.int64, np.int32, np.float32))
+    )
+    first = np.concatenate([[0], np.cumsum(first)])
+    del parts
+    # A patch without any valid ray is buried: what little it seems to exchange is drowned by its whole area.
+    lost = np.where(counted > 0, gone / np.maximum(counted, 1), 1.0) * area
+    yield from scaled(balance(area, lost, first, column, exchange, workers), 0.9, 1.0)
+    reached = _row_sums(first, column, exchange, np.ones((1, count)), workers)[0]
+    return Transport(area, first, column, exchange, 1 - reached / area, counted, workers)
+
+
+def balance(
+    area: Float64, lost: Float64, first: Int64, column: Int32, exchange: Float32, workers: int
+) -> Generator[float, None, None]:
+    """Scale the symmetric `exchange`, in place, so that what is exchanged and what escapes make up each row's area.
+
+    Finds d with d_i (sum_j K_ij d_j + lost_i) = area_i, by damped steps of the symmetric scaling of Sinkhorn and Knopp
+    (Knight, Ruiz and Ucar 2014), and makes K_ij d_i K_ij d_j. The sky is one more partner of each patch, itself
+    bound to no sum: were the escaped share held as counted, two plates that face each other could not both be right.
+
+    Args:
+        area: (N,) float64, m2, none of them 0
+        lost: (N,) float64, m2, estimated area times escaped share
+        first, column, exchange: rows as in Transport
+        workers: threads
+    """
+    scale = np.ones(len(area))
+    for sweep in range(MOST_SWEEPS):
+        sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + lost)
+        if not len(area) or np.abs(sums / area - 1).max() < BALANCED:
+            break
+        scale *= (area / np.maximum(sums, 1e-30 * area)) ** BALANCING_POWER
+        yield sweep / MOST_SWEEPS
+    _scale_entries(first, column, exchange, np.multiply, scale)
+    reached = _row_sums(first, column, exchange, np.ones((1, len(area))), workers)[0]
+    if (reached > area * (1 + 2 * BALANCED)).any():  # rows that can't be balanced must at least make no light
+        _scale_entries(first, column, exchange, np.minimum, np.minimum(1, area / np.maximum(reached, area)))
+
+
+def _scale_entries(first: Int64, column: Int32, exchange: Float32, joined: np.ufunc, scale: Float64) -> None:
+    """Multiply each entry i, j by joined(scale_i, scale_j), in blocks of rows."""
+    for start, stop in _row_blocks(first, 0, len(first) - 1):
+        entries = slice(first[start], first[stop])
+        of_row = np.repeat(scale[start:stop], np.diff(first[start : stop + 1]))
+        exchange[entries] = exchange[entries] * joined(of_row, scale[column[entries]])
+
+
+def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, workers: int) -> Float64:
+    """Sums (C, N) float64 over each row of its entries times values (C, N)."""
+    count = len(first) - 1
+    sums: Float64 = np.zeros(values.shape)
+
+    def add(start: int, stop: int) -> None:
+        for low, high in _row_blocks(first, start, stop):
+            entries = slice(first[low], first[high])
+            where, factor = column[entries].astype(np.intp), exchange[entries]
+            lengths = np.diff(first[low : high + 1])
+            filled = np.flatnonzero(lengths)  # reduceat can't sum nothing
+            begin = first[low + filled] - first[low]
+            for channel, total in zip(values, sums, strict=True):
+                products = np.take(channel, where, mode="clip")
+                products *= factor
+                total[low + filled] = np.add.reduceat(products, begin) if len(filled) else 0
+
+    rows = max(1, SUMMED_ENTRIES * count // max(1, int(first[-1])))
+    finish(in_chunks(add, count, rows, workers))
+    return sums
+
+
+def _row_blocks(first: Int64, start: int, stop: int) -> list[tuple[int, int]]:
+    """Rows start to stop in blocks of about BLOCK_ENTRIES entries."""
+    entries = int(first[stop] - first[start])
+    rows = max(1, BLOCK_ENTRIES * (stop - start) // max(1, entries))
+    return [(low, min(low + rows, stop)) for low in range(start, stop, rows)]
