@@ -1,0 +1,397 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene as Blender renders it, read into the core's records."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..arrays import Float64, Int32
+from ..errors import SceneError
+from ..scene import Light, Material, Mesh, Scene, World
+from .evaluation import at_render_settings
+from .lamps import read_lamp
+from .materials import read_material, read_world
+from .names import UV_MAP, has_our_uv_map, is_stand_in, original_material
+from .nodes import LinkCycle
+from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
+from .stand_in import as_unbaked
+
+SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+"""Types of objects that can have faces."""
+
+MAX_COORDINATE = 1e15
+"""m; beyond it squares overflow float32."""
+
+FLAT_SCALE = 1e-7
+"""A matrix that shrinks one direction by this share of another is singular in float32."""
+
+MAX_TRIANGLES = 50_000_000
+TRIANGLE_BYTES = 300
+"""What a triangle takes in the records and the ray tracer together, roughly."""
+
+MAX_UV_MAPS = 8
+NO_PARTNER = 2**31 - 1
+"""What Blender fills a persistent id with after its last level."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where an entry of Scene.meshes comes from: what has to be known to write its lightmap back.
+
+    Attributes:
+        object_name: the object; of an instance, the object that is instanced
+        mesh: index into Scene.meshes
+        own_mesh: the rendered mesh has the loops of the object's own mesh, so a uv map can be written onto that
+        materials: name of the material in each slot as rendered, "" for an empty slot
+        slot: (F,) int32, slot of each triangle, as stored (may lie beyond the slots)
+        matrix: (4, 4) world matrix of an instance, or None where the object stands itself
+    """
+
+    object_name: str
+    mesh: int
+    own_mesh: bool
+    materials: tuple[str, ...]
+    slot: Int32
+    matrix: Float64 | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Extraction:
+    """A scene that was read.
+
+    Attributes:
+        scene: the core's records
+        sources: one for each of Scene.meshes
+        skipped: objects that get no lightmap, with the reason
+        warnings: what had to be approximated
+    """
+
+    scene: Scene
+    sources: tuple[Source, ...]
+    skipped: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+
+
+def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
+    """Read a scene at render settings. What an earlier bake left in it is looked through.
+
+    Args:
+        scene: left as found, but edit modes are flushed
+        only: names of the objects that get lightmaps, or None for all; the others still shadow and bounce
+
+    Raises:
+        SceneError: something can't be baked, or nothing is left to bake
+    """
+    for name in only or ():
+        if name not in scene.objects:
+            raise SceneError(name, "there is no such object in the scene", "Give the name of an object in the scene")
+    for thing in scene.objects:
+        if thing.mode == "EDIT":
+            thing.update_from_editmode()
+    with as_unbaked(scene):
+        return at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).extraction())
+
+
+class Skip(Exception):
+    """An object can't take part; the message is the reason."""
+
+
+class _Reading:
+    """One walk over all that is rendered."""
+
+    def __init__(
+        self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, only: Collection[str] | None = None
+    ) -> None:
+        self.originals = scene
+        self.depsgraph = depsgraph
+        self.only = only
+        self.layer = depsgraph.view_layer
+        self.groups: list[str] = [""]
+        self.materials: list[Material] = []
+        self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
+        self.shapes: dict[int, Shape] = {}
+        self.meshes: list[Mesh] = []
+        self.sources: list[Source] = []
+        self.lights: list[Light] = []
+        self.skipped: dict[str, str] = {}
+        self.instances: Counter[tuple[str, str]] = Counter()
+        self.warnings: list[str] = []
+        self.triangles = 0
+
+    def extraction(self) -> Extraction:
+        seen = set()
+        for item in self.depsgraph.object_instances:
+            seen.add(item.object.original.name_full)
+            self.read(item)
+        self.skip_unseen(seen)
+        for (name, maker), count in self.instances.items():
+            times = f"{count} instances" if count > 1 else "an instance"
+            reason = f"{times} made by {maker} can't carry a uv map; they only shadow and bounce light"
+            self.skipped[name] = "; ".join(filter(None, [self.skipped.get(name), reason]))
+        if not any(mesh.lightmapped for mesh in self.meshes):
+            why = "; ".join(f"{name}: {reason}" for name, reason in list(self.skipped.items())[:3])
+            cause = f"nothing is left to bake ({why})" if why else "it has no object with faces"
+            raise SceneError(
+                f"Scene {self.originals.name!r}", cause, "Add a mesh that is visible in renders, or include one"
+            )
+        world = self.world()
+        emitting = any(any(material.emission) for material in self.materials)
+        if not (self.lights or emitting or any(world.radiance)):
+            self.warnings.append("There is no light in the scene: the lightmaps will be black")
+        scene = Scene(
+            meshes=tuple(self.meshes),
+            materials=tuple(self.materials),
+            lights=tuple(self.lights),
+            world=world,
+            groups=tuple(self.groups),
+            working_space=working_space(),
+            warnings=tuple(self.warnings),
+        )
+        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()), tuple(self.warnings))
+
+    def read(self, item: bpy.types.DepsgraphObjectInstance) -> None:
+        """Take one object or instance into the records."""
+        thing, original = item.object, item.object.original
+        if not item.show_self or is_stand_in(original):
+            return
+        if thing.type == "LIGHT":
+            self.read_lamp(thing, _matrix(item))
+            return
+        instanced = item.is_instance and not _is_own_surface(item)
+        if thing.type != "MESH":
+            if thing.type in ("CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
+                self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
+            return
+        settings = getattr(original, "radiosity", None)
+        if getattr(settings, "exclude", False):
+            self.skipped[thing.name] = "excluded from the bake"
+            return
+        try:
+            self.read_surface(item, instanced, settings)
+        except Skip as reason:
+            self.skipped[thing.name] = str(reason)
+            self.warnings.append(f"{thing.name} is left out: {reason}")
+
+    def read_surface(
+        self,
+        item: bpy.types.DepsgraphObjectInstance,
+        instanced: bool,
+        settings: bpy.types.PropertyGroup | None,
+    ) -> None:
+        thing, original, matrix = item.object, item.object.original, _matrix(item)
+        editing = original.mode == "EDIT" and not item.is_instance
+        mesh: bpy.types.Mesh = thing.to_mesh() if editing else thing.data  # an edited mesh is evaluated on demand
+        lightmapped = self.gets_lightmap(thing.name, instanced, settings)
+        if lightmapped:
+            check_can_carry(original)
+        if not (thing.visible_camera or thing.visible_diffuse or thing.visible_glossy or thing.visible_shadow):
+            raise Skip("it is invisible to all rays")
+        if not (thing.visible_diffuse and thing.visible_shadow):
+            self.warnings.append(f"{thing.name}: its ray visibility is not followed, it shadows and bounces light")
+        if not len(mesh.polygons):
+            raise Skip("it has no faces")
+        if _is_flat(matrix):
+            raise Skip("its scale is zero along an axis")
+        shape = placed(self.shape(mesh, keep=item.is_instance or original.data.users > 1), matrix)
+        self.check_size(thing.name, shape)
+        if not len(shape.triangles):
+            raise Skip("all its faces have no area")
+        if shape.dropped:
+            self.warnings.append(f"{thing.name}: {shape.dropped} triangles without area are left out")
+        slots = [slot.material for slot in thing.material_slots]
+        material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
+        uv_name = getattr(settings, "uv_map", "") if lightmapped else ""
+        uv = read_uv(mesh, uv_name, shape.corner) if uv_name else None
+        if uv_name and uv is None:
+            raise SceneError(
+                thing.name,
+                f"it has no uv map named {uv_name!r}",
+                "Choose one of its uv maps to keep, or none to unwrap",
+            )
+        if instanced:
+            self.instances[thing.name, item.parent.name] += 1
+        self.sources.append(
+            Source(
+                object_name=thing.name,
+                mesh=len(self.meshes),
+                own_mesh=not instanced and is_own_mesh(mesh, original),
+                materials=tuple("" if slot is None else slot.original.name for slot in slots),
+                slot=shape.slot,
+                matrix=matrix if instanced else None,
+            )
+        )
+        self.meshes.append(
+            Mesh(
+                name=thing.name,
+                vertices=shape.vertices,
+                triangles=shape.triangles,
+                corner_normals=shape.corner_normals,
+                material=material,
+                polygon=shape.polygon,
+                corner=shape.corner,
+                lightmapped=lightmapped,
+                density=getattr(settings, "density", 1.0),
+                uv=uv,
+            )
+        )
+
+    def gets_lightmap(self, name: str, instanced: bool, settings: bpy.types.PropertyGroup | None) -> bool:
+        if instanced:
+            return False
+        if self.only is not None and name not in self.only:
+            self.skipped[name] = "not chosen; it only shadows and bounces light"
+        elif getattr(settings, "only_casts", False):
+            self.skipped[name] = "set to only shadow and bounce light"
+        else:
+            return True
+        return False
+
+    def shape(self, mesh: bpy.types.Mesh, keep: bool) -> Shape:
+        """A mesh's arrays; those of shared meshes are kept for the next time."""
+        shape = self.shapes.get(mesh.as_pointer()) if keep else None
+        if shape is None:
+            shape = read_shape(mesh)
+            if keep:
+                self.shapes[mesh.as_pointer()] = shape
+        if not np.isfinite(shape.vertices).all():
+            raise Skip("it has vertices that are not finite numbers")
+        return shape
+
+    def check_size(self, name: str, shape: Shape) -> None:
+        self.triangles += len(shape.triangles)
+        if self.triangles > MAX_TRIANGLES:
+            gigabytes = self.triangles * TRIANGLE_BYTES / 1e9
+            raise SceneError(
+                name,
+                f"with it the scene has {self.triangles:,} triangles and needs {gigabytes:.0f} GB of memory or more",
+                "Lower its subdivision or number of instances, or exclude objects from the bake",
+            )
+        if np.abs(shape.vertices).max() >= MAX_COORDINATE:
+            raise SceneError(
+                name, f"it has vertices {MAX_COORDINATE:g} m or more from the origin", "Move or scale it closer"
+            )
+
+    def slot_materials(self, thing: bpy.types.Object, slots: list[bpy.types.Material | None]) -> Int32:
+        """Index into the records' materials of each slot; of the default surface where there is none."""
+        override = self.layer.material_override
+        group = self.group(thing.lightgroup)
+        chosen = [override] * max(len(slots), 1) if override else (slots or [None])
+        return np.array([self.material(material, group, thing.name) for material in chosen], np.int32)
+
+    def material(self, material: bpy.types.Material | None, group: int, user: str) -> int:
+        shown = original_material(material.original if material is not None else None)
+        key = (shown.name_full if shown is not None else "", group)
+        found = self.material_index.get(key)
+        if found is None:
+            found = self.material_index[key] = self.new_material(shown, group, user)
+        if isinstance(found, LinkCycle):
+            raise Skip(f"its material {key[0]!r} feeds back into itself")
+        return found
+
+    def new_material(self, shown: bpy.types.Material | None, group: int, user: str) -> int | LinkCycle:
+        evaluated = shown.evaluated_get(self.depsgraph) if shown is not None else None
+        name = shown.name if shown is not None else ""
+        try:
+            self.materials.append(read_material(evaluated, group, self.hears(f"Material {name!r} of {user}")))
+        except LinkCycle as cycle:
+            return cycle
+        return len(self.materials) - 1
+
+    def read_lamp(self, lamp: bpy.types.Object, matrix: Float64) -> None:
+        hears = self.hears(f"Lamp {lamp.name!r}")
+        try:
+            light = read_lamp(lamp, matrix, self.group(lamp.lightgroup), hears)
+        except LinkCycle:
+            hears("has a node tree that feeds back into itself, and gives no light")
+            return
+        if light is not None:
+            self.lights.append(light)
+
+    def world(self) -> World:
+        world = getattr(self.layer, "world_override", None) or self.depsgraph.scene_eval.world
+        if world is None:
+            return World()
+        hears = self.hears(f"World {world.name!r}")
+        try:
+            return read_world(world, self.group(world.lightgroup), hears)
+        except LinkCycle:
+            hears("has a node tree that feeds back into itself, and gives no light")
+            return World()
+
+    def group(self, name: str) -> int:
+        """Index of a light group; those that the view layer does not know are none."""
+        if name not in self.groups and name in self.layer.lightgroups:
+            self.groups.append(name)
+        return self.groups.index(name) if name in self.groups else 0
+
+    def hears(self, subject: str) -> Callable[[str], None]:
+        return lambda text: self.warnings.append(f"{subject}: {text}")
+
+    def skip_unseen(self, seen: set[str]) -> None:
+        """Say why objects that could have faces did not come up."""
+        have_faces = {source.object_name for source in self.sources}
+        for thing in self.originals.objects:
+            if thing.type not in SURFACES or thing.name in have_faces or is_stand_in(thing):
+                continue
+            known = thing.name_full in seen
+            self.skipped.setdefault(thing.name, "it has no faces" if known else "it is hidden in renders")
+
+
+def check_can_carry(thing: bpy.types.Object) -> None:
+    """Whether a lightmap can be put on an object.
+
+    Raises:
+        SceneError: it is linked or missing, or its uv maps leave no room
+    """
+    data = thing.data
+    local = "Make it local, or set it to only shadow and bounce light"
+    if getattr(thing, "is_missing", False) or getattr(data, "is_missing", False):
+        raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
+    if not thing.is_editable:
+        raise SceneError(thing.name, "it is linked from another file", local)
+    if not data.is_editable and thing.override_library is None:
+        raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
+    if not isinstance(data, bpy.types.Mesh) or has_our_uv_map(data):
+        return
+    if UV_MAP in data.uv_layers:
+        raise SceneError(thing.name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
+    if len(data.uv_layers) >= MAX_UV_MAPS:
+        raise SceneError(thing.name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
+
+
+def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
+    """Whether a uv map written onto the object's own mesh is what the render shows."""
+    if original.type != "MESH" or any(mod.type == "NODES" and mod.show_render for mod in original.modifiers):
+        return False
+    return has_loops_of(rendered, original.data)
+
+
+def working_space() -> str:
+    """Blender's name of the linear space that its colours are in."""
+    colorspace = getattr(bpy.data, "colorspace", None)  # from 5.0; before, it was always this one
+    return colorspace.working_space if colorspace is not None else "Linear Rec.709"
+
+
+def _is_own_surface(item: bpy.types.DepsgraphObjectInstance) -> bool:
+    """The faces of a curve, text and the like come as an instance of the object made by itself, at the first level."""
+    same = item.parent is not None and item.object.original == item.parent.original
+    return same and item.persistent_id[1] == NO_PARTNER
+
+
+def _matrix(item: bpy.types.DepsgraphObjectInstance) -> Float64:
+    matrix = np.array(item.matrix_world, np.float64)
+    if not np.isfinite(matrix).all():
+        raise SceneError(
+            item.object.name, "its transform holds values that are not finite numbers", "Clear its transform"
+        )
+    return matrix
+
+
+def _is_flat(matrix: Float64) -> bool:
+    singular = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(singular[2] <= FLAT_SCALE * singular[0])

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shader trees read as what radiosity knows: how much a surface reflects and how much it emits.
+
+Constant colours are exact; what a texture drives is replaced by the nearest constant, with a warning.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..arrays import Float64
+from ..errors import SceneError
+from ..microfacet import dielectric_fresnel, glossy_albedo, metal_fresnel
+from ..scene import RGB, Material, World
+from .nodes import Groups, LinkCycle, follow, number, value
+
+MAX_REFLECTANCE = 0.999
+"""Surfaces that reflect everything would never let a closed room's light settle."""
+
+BLACK = np.zeros(3)
+WHITE = np.ones(3)
+DEFAULT_REFLECTANCE = (0.8, 0.8, 0.8)
+"""Cycles' surface where there is no material."""
+
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """What a shader socket gives: reflectance (3,) and emitted radiance (3,), W/(m2 sr)."""
+
+    reflectance: Float64
+    emission: Float64
+
+    def __add__(self, other: Shading) -> Shading:
+        return Shading(self.reflectance + other.reflectance, self.emission + other.emission)
+
+    def __mul__(self, factor: float | Float64) -> Shading:
+        return Shading(self.reflectance * factor, self.emission * factor)
+
+
+NOTHING = Shading(BLACK, BLACK)
+
+
+def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -> Material:
+    """A material's record; `warn` hears what had to be approximated.
+
+    Raises:
+        SceneError: it emits NaN or infinity
+        LinkCycle: its node tree feeds back into itself
+    """
+    if material is None:
+        return Material("", DEFAULT_REFLECTANCE)
+    tree = tree_of(material)
+    if tree is None:
+        shading = Shading(np.array(material.diffuse_color[:3], np.float64), BLACK)
+    else:
+        shading = read_tree(tree, warn)
+    subject = f"Material {material.name!r}"
+    emission = _finite(shading.emission, subject, "emission")
+    reflectance = _finite(shading.reflectance, subject, "reflectance")
+    if reflectance.max() > MAX_REFLECTANCE:
+        warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
+    if min(reflectance.min(), emission.min()) < 0:
+        warn("has a negative colour, which is taken as black")
+    return Material(
+        name=material.name,
+        reflectance=rgb(np.clip(reflectance, 0, MAX_REFLECTANCE)),
+        emission=rgb(np.maximum(emission, 0)),
+        group=group if emission.any() else 0,
+    )
+
+
+def read_world(world: bpy.types.World | None, group: int, warn: Warn) -> World:
+    """The world's record: one colour from everywhere.
+
+    Raises:
+        SceneError: it emits NaN or infinity
+        LinkCycle: its node tree feeds back into itself
+    """
+    if world is None or not getattr(getattr(world, "cycles_visibility", None), "diffuse", True):
+        return World()
+    tree = tree_of(world)
+    radiance = np.array(world.color, np.float64) if tree is None else read_tree(tree, warn).emission
+    return World(rgb(np.maximum(_finite(radiance, f"World {world.name!r}", "light"), 0)), group)
+
+
+def tree_of(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:
+    """The node tree in use."""
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # `use_nodes` goes away in Blender 6, where trees are always on
+        return owner.node_tree if getattr(owner, "use_nodes", True) else None
+
+
+def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
+    """What the output that Cycles takes shows.
+
+    Raises:
+        LinkCycle: the tree feeds back into itself
+    """
+    output = tree.get_output_node("CYCLES")
+    if output is None:
+        return NOTHING
+    if "Volume" in output.inputs and output.inputs["Volume"].links:
+        warn("has a volume, which is ignored")
+    return _Reader(warn).shading(output, "Surface", ())
+
+
+def rgb(values: Float64) -> RGB:
+    """A triple of plain numbers."""
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+def _finite(values: Float64, subject: str, what: str) -> Float64:
+    if not np.isfinite(values).all():
+        raise SceneError(subject, f"its {what} is not a finite number", "Give its shader finite colours and strengths")
+    return values
+
+
+class _Reader:
+    """Walks a tree from its output; the nodes being read tell a cycle."""
+
+    def __init__(self, warn: Warn) -> None:
+        self.warn = warn
+        self.reading: list[tuple[str, ...]] = []
+
+    def shading(self, node: bpy.types.Node, name: str | int, groups: Groups) -> Shading:
+        """What the shader linked to an input gives; nothing if there is none."""
+        end, inner = follow(node.inputs[name], groups)
+        if not end.is_output:
+            return NOTHING
+        place = (*(group.name for group in inner), end.node.name)
+        if place in self.reading:
+            raise LinkCycle
+        read = READERS.get(end.node.type)
+        if read is None:
+            self.warn(f"{end.node.bl_label} is not read; a grey diffuse surface stands in")
+            return Shading(np.array(DEFAULT_REFLECTANCE), BLACK)
+        self.reading.append(place)
+        shading = read(self, end.node, inner)
+        self.reading.pop()
+        return shading
+
+    def color(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
+        return value(node, name, groups, self.warn)
+
+    def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
+        return number(node, name, groups, self.warn)
+
+    def share(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
+        return min(max(self.number(node, name, groups), 0.0), 1.0)
+
+
+def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    """Layers from the base up, each dimmed by what the ones above reflect (Cycles' albedo scaling)."""
+    base = reader.color(node, "Base Color", groups)
+    roughness = reader.share(node, "Roughness", groups)
+    tint = reader.color(node, "Specular Tint", groups)
+    multiscatter = node.distribution == "MULTI_GGX"
+    metallic = reader.share(node, "Metallic", groups)
+    transmission = reader.share(node, "Transmission Weight", groups)
+    reflectance = BLACK
+    if metallic < 1:
+        ior = max(reader.number(node, "IOR", groups), 1.0)
+        level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
+        gloss = glossy_albedo(roughness, dielectric_fresnel(ior, tint, 2 * level), multiscatter)
+        reflectance = gloss + (1 - gloss.max()) * (1 - transmission) * base
+    if metallic > 0:
+        metal = glossy_albedo(roughness, metal_fresnel(base, tint), multiscatter)
+        reflectance = metallic * metal + (1 - metallic) * reflectance
+    emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
+    shading = Shading(reflectance, emission)
+    coat = reader.share(node, "Coat Weight", groups)
+    if coat > 0:
+        rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
+        gloss = coat * glossy_albedo(rough, dielectric_fresnel(max(ior, 1.0), WHITE), multiscatter=False)
+        shading = shading * (1 - gloss) + Shading(gloss, BLACK)
+    alpha = reader.share(node, "Alpha", groups)
+    if alpha < 1:
+        reader.warn(f"{node.name} is transparent, but casts shadows as if it were opaque")
+    if transmission > 0:
+        reader.warn(f"{node.name} lets light through, which is ignored: it casts shadows as if it were opaque")
+    if reader.number(node, "Sheen Weight", groups) > 0:
+        reader.warn(f"the sheen of {node.name} is ignored")
+    return shading * alpha
+
+
+def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return Shading(reader.color(node, "Color", groups), BLACK)
+
+
+def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    color = reader.color(node, "Color", groups)
+    if node.distribution == "MULTI_GGX":
+        return Shading(color, BLACK)  # the facets' own losses are given back
+    roughness = reader.share(node, "Roughness", groups)
+    return Shading(color * glossy_albedo(roughness, metal_fresnel(WHITE, WHITE), multiscatter=False), BLACK)
+
+
+def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    if node.fresnel_type != "F82":
+        reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
+    fresnel = metal_fresnel(reader.color(node, "Base Color", groups), reader.color(node, "Edge Tint", groups))
+    roughness = reader.share(node, "Roughness", groups)
+    return Shading(glossy_albedo(roughness, fresnel, node.distribution == "MULTI_GGX"), BLACK)
+
+
+def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} lets light through, which is ignored: it casts shadows as if it were opaque")
+    fresnel = dielectric_fresnel(max(reader.number(node, "IOR", groups), 1.0), WHITE)
+    color = reader.color(node, "Color", groups)
+    return Shading(color * glossy_albedo(reader.share(node, "Roughness", groups), fresnel), BLACK)
+
+
+def _clear(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} is transparent, but casts shadows as if it were opaque")
+    return NOTHING
+
+
+def _black(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return NOTHING
+
+
+def _emission(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return Shading(BLACK, reader.color(node, "Color", groups) * reader.number(node, "Strength", groups))
+
+
+def _mix(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    factor = reader.share(node, "Fac" if "Fac" in node.inputs else "Factor", groups)
+    first = reader.shading(node, 1, groups) if factor < 1 else NOTHING
+    second = reader.shading(node, 2, groups) if factor > 0 else NOTHING
+    return first * (1 - factor) + second * factor
+
+
+def _add(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return reader.shading(node, 0, groups) + reader.shading(node, 1, groups)
+
+
+READERS: dict[str, Callable[[_Reader, bpy.types.Node, Groups], Shading]] = {
+    "BSDF_PRINCIPLED": _principled,
+    "BSDF_DIFFUSE": _diffuse,
+    "BSDF_TOON": _diffuse,
+    "BSDF_SHEEN": _diffuse,
+    "SUBSURFACE_SCATTERING": _diffuse,
+    "BSDF_GLOSSY": _glossy,
+    "BSDF_METALLIC": _metallic,
+    "BSDF_GLASS": _glass,
+    "BSDF_REFRACTION": _clear,
+    "BSDF_TRANSPARENT": _clear,
+    "HOLDOUT": _black,
+    "EMISSION": _emission,
+    "BACKGROUND": _emission,
+    "MIX_SHADER": _mix,
+    "ADD_SHADER": _add,
+}

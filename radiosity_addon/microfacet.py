@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Albedo of rough mirrors: how much of uniform light a glossy layer sends back.
+
+GGX facets with Smith's height-correlated masking (Heitz 2014, eq. 99), integrated over visible normals
+(Heitz 2018), and the light that bounces between facets given back after Kulla and Conty (2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from .arrays import Float64
+
+MIN_ROUGHNESS = 0.02
+"""Below it a facet model is a mirror to three digits, and its quadrature would need more points."""
+
+Fresnel = Callable[[Float64], Float64]
+"""Cosine at the facet (...,) to reflected share (..., 3)."""
+
+
+def dielectric_fresnel(ior: float, tint: Float64, scale: float = 1.0) -> Fresnel:
+    """Unpolarised Fresnel reflectance, its value at normal incidence scaled and tinted.
+
+    Args:
+        ior: index of refraction, at least 1
+        tint: (3,) colour of the reflection at normal incidence; grazing reflection stays white
+        scale: factor of the reflectance at normal incidence, as Principled's specular level has it (level / 0.5)
+    """
+    f0 = min(((ior - 1) / (ior + 1)) ** 2 * scale, 0.99)
+    eta = (1 + f0**0.5) / (1 - f0**0.5)
+    at_normal = np.clip(f0 * tint, 0, 1)
+
+    def fresnel(cosine: Float64) -> Float64:
+        g = np.sqrt(np.maximum(eta**2 - 1 + cosine**2, 0))
+        a = (g - cosine) / np.maximum(g + cosine, 1e-12)
+        b = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+        share = 0.5 * a**2 * (1 + b**2)
+        toward_white = np.clip((share - f0) / (1 - f0), 0, 1)[..., None]
+        blended: Float64 = at_normal + (1 - at_normal) * toward_white
+        return blended
+
+    return fresnel
+
+
+def metal_fresnel(color: Float64, edge_tint: Float64) -> Fresnel:
+    """Schlick's curve bent to meet `edge_tint` at 82 degrees (Kutz, Hasan and Edmondson 2021, "F82-tint")."""
+    cos_82 = 1 / 7
+    color = np.clip(color, 0, 1)
+    schlick_82 = color + (1 - color) * (1 - cos_82) ** 5
+    bend = schlick_82 * (1 - np.clip(edge_tint, 0, 1)) / (cos_82 * (1 - cos_82) ** 6)
+
+    def fresnel(cosine: Float64) -> Float64:
+        c = cosine[..., None]
+        curve: Float64 = np.clip(color + (1 - color) * (1 - c) ** 5 - bend * c * (1 - c) ** 6, 0, 1)
+        return curve
+
+    return fresnel
+
+
+def glossy_albedo(roughness: float, fresnel: Fresnel, multiscatter: bool = True) -> Float64:
+    """Share of uniform hemispherical light that the layer reflects, (3,) in 0..1.
+
+    Args:
+        roughness: as artists see it; the width of GGX is its square
+        fresnel: reflectance of a facet
+        multiscatter: gives back what bounces between facets
+    """
+    cosine, weight = _directions()
+    at_facet, passed = _visible_facets(max(roughness, MIN_ROUGHNESS))
+    single = (fresnel(at_facet) * passed[..., None]).mean(axis=1)
+    if multiscatter:
+        white = passed.mean(axis=1)
+        white_mean = weight @ white
+        facet_mean = weight @ fresnel(cosine)
+        again = facet_mean * white_mean / (1 - facet_mean * (1 - white_mean))
+        single = single * (1 + again * ((1 - white) / white)[:, None])
+    albedo: Float64 = np.clip(weight @ single, 0, 1)
+    return albedo
+
+
+def _directions() -> tuple[Float64, Float64]:
+    """Cosines (16,) of a Gauss-Legendre rule and weights that sum to 1 over the projected hemisphere."""
+    node, weight = np.polynomial.legendre.leggauss(16)
+    cosine = (node + 1) / 2
+    return cosine, weight * cosine
+
+
+@lru_cache(maxsize=64)
+def _visible_facets(roughness: float, side: int = 32) -> tuple[Float64, Float64]:
+    """Cosine at the facet and share that leaves unmasked, each (16, side * side), by seen direction and facet."""
+    alpha = roughness**2
+    cosine = _directions()[0][:, None]
+    u, v = (grid.reshape(1, -1) for grid in np.meshgrid(*2 * [(np.arange(side) + 0.5) / side]))
+    view = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)
+    stretched = view * [alpha, alpha, 1]
+    stretched /= np.linalg.norm(stretched, axis=-1, keepdims=True)
+    # a visible normal of the stretched hemisphere: half vector to a point on a spherical cap (Dupuy and Benyoub 2023)
+    z = (1 - u) * (1 + stretched[..., 2]) - stretched[..., 2]
+    radius = np.sqrt(np.clip(1 - z**2, 0, 1))
+    cap = np.stack([radius * np.cos(2 * np.pi * v), radius * np.sin(2 * np.pi * v), z], axis=-1)
+    facet = (cap + stretched) * [alpha, alpha, 1]
+    facet /= np.linalg.norm(facet, axis=-1, keepdims=True)
+    at_facet = np.clip((facet * view).sum(-1), 0, 1)
+    leaving = 2 * at_facet * facet[..., 2] - cosine
+
+    def masking(cos: Float64) -> Float64:
+        tangent2 = (1 - cos**2) / np.maximum(cos**2, 1e-12)
+        shadowed: Float64 = (np.sqrt(1 + alpha**2 * tangent2) - 1) / 2
+        return shadowed
+
+    seen = masking(cosine)
+    passed = np.where(leaving > 0, (1 + seen) / (1 + seen + masking(np.clip(leaving, 1e-6, 1))), 0)
+    return at_facet, passed

@@ -1,0 +1,565 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes made with bpy, read into records: known places, normals, visibility, errors."""
+
+from __future__ import annotations
+
+from math import pi, tan
+
+import bpy
+import numpy as np
+import pytest
+
+from radiosity_addon.blender.evaluation import at_render_settings
+from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.errors import SceneError
+
+QUAD = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+
+
+def add_mesh(name="Quad", vertices=QUAD, faces=((0, 1, 2, 3),), **placed) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], list(faces))
+    return add(bpy.data.objects.new(name, mesh), **placed)
+
+
+def add_cube(name="Cube", **placed) -> bpy.types.Object:
+    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return add_mesh(name, corners, faces, **placed)
+
+
+def add_lamp(kind: str, name="Lamp", location=(0, 0, 2), scale=(1, 1, 1), **values) -> bpy.types.Object:
+    light = bpy.data.lights.new(name, kind)
+    for key, value in values.items():
+        setattr(light, key, value)
+    return add(bpy.data.objects.new(name, light), location=location, scale=scale)
+
+
+def add(thing: bpy.types.Object, **placed) -> bpy.types.Object:
+    for key, value in placed.items():
+        setattr(thing, key, value)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def extract(only=None) -> Extraction:
+    return extract_scene(bpy.context.scene, only)
+
+
+def geometric_normals(mesh) -> np.ndarray:
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+
+def snapshot() -> dict[str, object]:
+    scene = bpy.context.scene
+    kinds = ("scenes", "objects", "cameras", "images", "worlds", "collections", "meshes", "materials", "node_groups")
+    return {
+        "data": {kind: sorted(thing.name for thing in getattr(bpy.data, kind)) for kind in kinds},
+        "scene": (scene.render.engine, scene.camera, scene.render.resolution_x, scene.frame_current),
+        "hidden": {thing.name: (thing.hide_render, thing.hide_viewport) for thing in scene.objects},
+        "selected": sorted(thing.name for thing in bpy.context.selected_objects),
+        "active": bpy.context.view_layer.objects.active,
+    }
+
+
+# evaluation
+
+
+def test_looking_at_render_settings_leaves_no_trace():
+    bpy.context.view_layer.objects.active = add_cube()
+    before = snapshot()
+    at_render_settings(bpy.context.scene, lambda depsgraph: None)
+    assert snapshot() == before
+
+
+def test_an_exception_inside_the_look_comes_out_and_leaves_no_trace():
+    before = snapshot()
+    with pytest.raises(ZeroDivisionError):
+        at_render_settings(bpy.context.scene, lambda depsgraph: 1 / 0)
+    assert snapshot() == before
+
+
+def test_render_handlers_of_others_are_kept_and_not_called():
+    called = []
+    bpy.app.handlers.render_pre.append(called.append)
+    try:
+        at_render_settings(bpy.context.scene, lambda depsgraph: None)
+        assert called == []
+        assert list(bpy.app.handlers.render_pre) == [called.append]
+    finally:
+        bpy.app.handlers.render_pre.clear()
+
+
+# geometry
+
+
+def test_a_moved_rotated_scaled_quad_lands_where_blender_puts_it():
+    thing = add_mesh(location=(1, 2, 3), rotation_euler=(0.3, 0.4, 0.5), scale=(1, 2, 3))
+    mesh = extract().scene.meshes[0]
+    bpy.context.view_layer.update()
+    expected = [thing.matrix_world @ vertex.co for vertex in thing.data.vertices]
+    assert np.allclose(mesh.vertices, expected, atol=1e-6)
+    assert mesh.vertices.dtype == np.float64
+    assert mesh.triangles.dtype == np.int32
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, 0.5), (-1, -1, -1), (3, 1, 0.2)])
+def test_winding_and_normals_point_out_of_a_cube_at_any_scale(scale):
+    add_cube(scale=scale, rotation_euler=(0.1, 0.2, 0.3))
+    mesh = extract().scene.meshes[0]
+    outward = mesh.vertices[mesh.triangles].mean(axis=1)
+    assert ((geometric_normals(mesh) * outward).sum(1) > 0).all()
+    assert ((mesh.corner_normals * geometric_normals(mesh)[:, None]).sum(2) > 0.999).all()  # flat shaded
+
+
+def test_smooth_normals_follow_the_inverse_transpose_under_a_non_uniform_scale():
+    """Corner normals of a cube are diagonals; halving z doubles their z before they are made unit again."""
+    thing = add_cube(scale=(1, 1, 0.5))
+    thing.data.shade_smooth()
+    mesh = extract().scene.meshes[0]
+    corners = mesh.vertices[mesh.triangles]
+    expected = np.sign(corners) * [1, 1, 2] / np.sqrt(6)
+    assert np.allclose(mesh.corner_normals, expected, atol=1e-4)
+
+
+def test_custom_normals_are_kept():
+    thing = add_mesh()
+    tilted = np.array([0.6, 0, 0.8])
+    thing.data.normals_split_custom_set([tilted] * 4)
+    assert np.allclose(extract().scene.meshes[0].corner_normals, tilted, atol=1e-3)
+
+
+def test_corners_name_the_loops_behind_a_mirrored_quads_triangles():
+    thing = add_mesh(scale=(-1, 1, 1))
+    mesh = extract().scene.meshes[0]
+    of_loop = np.array([loop.vertex_index for loop in thing.data.loops])
+    assert np.array_equal(of_loop[mesh.corner], mesh.triangles)
+    assert mesh.polygon.tolist() == [0, 0]
+
+
+def test_subdivision_is_at_render_level_and_not_the_own_mesh():
+    thing = add_cube()
+    modifier = thing.modifiers.new("s", "SUBSURF")
+    modifier.levels, modifier.render_levels = 1, 2
+    extraction = extract()
+    assert len(extraction.scene.meshes[0].triangles) == 6 * 16 * 2
+    assert not extraction.sources[0].own_mesh
+
+
+def test_a_deformed_mesh_is_still_the_own_mesh():
+    thing = add_cube()
+    thing.modifiers.new("d", "DISPLACE").mid_level = 0
+    extraction = extract()
+    assert extraction.sources[0].own_mesh
+    assert not np.allclose(np.abs(extraction.scene.meshes[0].vertices), 1)
+
+
+def test_geometry_nodes_never_count_as_the_own_mesh():
+    thing = add_mesh()
+    thing.modifiers.new("n", "NODES").node_group = pass_through()
+    assert not extract().sources[0].own_mesh
+
+
+def test_a_mesh_in_edit_mode_is_flushed_first():
+    thing = add_mesh()
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0, 0, 5))
+    try:
+        assert np.allclose(extract().scene.meshes[0].vertices[:, 2], 5)
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_curves_text_and_metaballs_become_meshes_of_their_own():
+    curve = bpy.data.curves.new("Tube", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.1
+    curve.splines.new("NURBS").points.add(3)
+    for i, point in enumerate(curve.splines[0].points):
+        point.co = (i, 0, 0, 1)
+    text = bpy.data.curves.new("Text", "FONT")
+    text.body = "A"
+    balls = bpy.data.metaballs.new("Ball")
+    balls.elements.new()
+    for data in (curve, text, balls):
+        add(bpy.data.objects.new(data.name, data))
+    extraction = extract()
+    assert [mesh.name for mesh in extraction.scene.meshes] == ["Tube", "Text", "Ball"]
+    assert all(mesh.lightmapped and len(mesh.triangles) for mesh in extraction.scene.meshes)
+    assert not any(source.own_mesh for source in extraction.sources)
+    assert extraction.skipped == ()
+
+
+def test_degenerate_triangles_are_dropped_and_counted():
+    add_mesh(vertices=[*QUAD, (5, 0, 0), (6, 0, 0), (7, 0, 0)], faces=[(0, 1, 2, 3), (4, 5, 6)])
+    extraction = extract()
+    assert len(extraction.scene.meshes[0].triangles) == 2
+    assert "Quad: 1 triangles without area are left out" in extraction.warnings
+
+
+def test_tiny_triangles_and_slivers_are_kept():
+    add_mesh(
+        vertices=[(0, 0, 0), (1e-8, 0, 0), (0, 1e-8, 0), (0, 0, 1), (1, 0, 1), (0.5, 1e-5, 1)],
+        faces=[(0, 1, 2), (3, 4, 5)],
+    )
+    assert len(extract().scene.meshes[0].triangles) == 2
+
+
+# what takes part
+
+
+def test_visibility_is_the_renders():
+    add_mesh("seen")
+    add_mesh("hidden in renders", hide_render=True)
+    add_mesh("hidden in the viewport", hide_viewport=True)
+    add_mesh("eye closed").hide_set(True)
+    group = bpy.data.collections.new("group")
+    bpy.context.scene.collection.children.link(group)
+    group.objects.link(bpy.data.objects.new("excluded", bpy.data.meshes["seen"]))
+    bpy.context.view_layer.layer_collection.children["group"].exclude = True
+    extraction = extract()
+    assert {mesh.name for mesh in extraction.scene.meshes} == {"seen", "hidden in the viewport", "eye closed"}
+    assert dict(extraction.skipped) == {
+        "hidden in renders": "it is hidden in renders",
+        "excluded": "it is hidden in renders",
+    }
+
+
+def test_only_the_chosen_objects_get_lightmaps_and_the_others_still_take_part():
+    add_mesh("a")
+    add_mesh("b")
+    extraction = extract(only=["b"])
+    assert {mesh.name: mesh.lightmapped for mesh in extraction.scene.meshes} == {"a": False, "b": True}
+
+
+def test_instances_take_part_without_a_lightmap_and_are_named():
+    group = bpy.data.collections.new("group")
+    group.objects.link(bpy.data.objects.new("chair", add_mesh("floor").data))
+    for x in (0, 3):
+        empty = bpy.data.objects.new(f"place {x}", None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", group
+        add(empty, location=(x, 0, 1))
+    extraction = extract()
+    chairs = [mesh for mesh in extraction.scene.meshes if mesh.name == "chair"]
+    assert [mesh.lightmapped for mesh in chairs] == [False, False]
+    assert [mesh.vertices[:, 0].mean() for mesh in chairs] == [0, 3]
+    matrices = [source.matrix for source in extraction.sources]
+    assert matrices[0] is None
+    assert [matrix[0, 3] for matrix in matrices[1:]] == [0, 3]
+    assert "chair" in dict(extraction.skipped)
+
+
+def test_an_instanced_lamp_shines():
+    add_mesh()
+    group = bpy.data.collections.new("group")
+    group.objects.link(bpy.data.objects.new("bulb", bpy.data.lights.new("bulb", "POINT")))
+    empty = bpy.data.objects.new("holder", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    add(empty, location=(0, 0, 7))
+    assert [light.position for light in extract().scene.lights] == [(0, 0, 7)]
+
+
+def test_triangles_get_their_slots_material_and_indices_beyond_the_slots_the_last():
+    thing = add_mesh(vertices=[*QUAD, *[(x, y, 1) for x, y, _ in QUAD]], faces=[(0, 1, 2, 3), (4, 5, 6, 7)])
+    for name, grey in (("dark", 0.1), ("light", 0.7)):
+        thing.data.materials.append(diffuse(name, grey))
+    thing.data.polygons.foreach_set("material_index", [0, 9])
+    extraction = extract()
+    mesh = extraction.scene.meshes[0]
+    names = [extraction.scene.materials[index].name for index in mesh.material]
+    assert names == ["dark", "dark", "light", "light"]
+    assert extraction.sources[0].materials == ("dark", "light")
+
+
+def test_no_slot_and_an_empty_slot_are_cycles_default_surface():
+    add_mesh("none")
+    add_mesh("empty").data.materials.append(None)
+    scene = extract().scene
+    assert [scene.materials[mesh.material[0]].reflectance for mesh in scene.meshes] == [(0.8, 0.8, 0.8)] * 2
+
+
+def test_objects_invisible_to_every_ray_are_left_out():
+    add_mesh("seen")
+    probe = add_mesh("probe")
+    for ray in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(probe, f"visible_{ray}", False)
+    assert [mesh.name for mesh in extract().scene.meshes] == ["seen"]
+
+
+# lamps
+
+
+def test_a_point_lamps_intensity_is_its_power_over_the_sphere():
+    add_mesh()
+    add_lamp("POINT", energy=100, color=(1, 0.5, 0), shadow_soft_size=0.25)
+    light = extract().scene.lights[0]
+    assert light.intensity == pytest.approx((100 / (4 * pi), 50 / (4 * pi), 0))
+    assert (light.position, light.radius, light.soft_falloff, light.shadow) == ((0, 0, 2), 0.25, True, True)
+
+
+def test_a_spots_axes_are_divided_by_its_objects_scale():
+    add_mesh()
+    add_lamp("SPOT", energy=100, scale=(2, 3, 4), spot_size=1.0, spot_blend=0.3)
+    light = extract().scene.lights[0]
+    assert light.intensity == pytest.approx((100 / (4 * pi),) * 3)
+    assert np.allclose(light.axes, [(0.5, 0, 0), (0, 1 / 3, 0), (0, 0, -0.25)])
+    assert (light.angle, light.blend) == pytest.approx((1.0, 0.3))
+
+
+def test_a_suns_irradiance_is_its_strength():
+    add_mesh()
+    add_lamp("SUN", energy=3, angle=0.1, scale=(2, 2, 2))
+    light = extract().scene.lights[0]
+    assert light.irradiance == pytest.approx((3, 3, 3))
+    assert light.direction == pytest.approx((0, 0, -1))
+    assert light.angle == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("shape", "area"), [("SQUARE", 0.25), ("RECTANGLE", 1.0), ("DISK", 0.25 * pi / 4), ("ELLIPSE", pi / 4)]
+)
+def test_an_area_lamps_radiance_is_its_power_over_pi_and_its_scaled_area(shape, area):
+    add_mesh()
+    add_lamp("AREA", energy=100, shape=shape, size=0.5, size_y=2, scale=(2, 3, 1))
+    light = extract().scene.lights[0]
+    assert light.radiance == pytest.approx((100 / (pi * 6 * area),) * 3)
+    assert np.linalg.norm(light.edge_u) == pytest.approx(1)
+    assert light.direction == pytest.approx((0, 0, -1))
+    assert light.ellipse == (shape in ("DISK", "ELLIPSE"))
+
+
+def test_a_narrow_area_lamp_is_brighter_on_its_axis():
+    add_mesh()
+    add_lamp("AREA", energy=100, size=1, spread=1.0)
+    gain = tan(0.5) / (tan(0.5) - 0.5)
+    assert extract().scene.lights[0].radiance == pytest.approx((100 / pi * gain,) * 3)
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 5), reason="lamps have neither exposure nor temperature before 4.5")
+def test_exposure_temperature_and_unnormalised_power():
+    add_mesh()
+    add_lamp("POINT", "exposed", energy=100, exposure=1)
+    warm = add_lamp("POINT", "warm", energy=100, use_temperature=True, temperature=3000)
+    add_lamp("AREA", "flat", energy=100, size=3, normalize=False)
+    add_lamp("SUN", "disc", energy=3, angle=0.5, normalize=False)
+    add_lamp("POINT", "ball", energy=100, shadow_soft_size=0.25, normalize=False)
+    lights = {light.name: light for light in extract().scene.lights}
+    assert lights["exposed"].intensity == pytest.approx((200 / (4 * pi),) * 3)
+    assert lights["warm"].intensity == pytest.approx([100 / (4 * pi) * c for c in warm.data.temperature_color])
+    assert lights["flat"].radiance == pytest.approx((100 / pi,) * 3)
+    assert lights["disc"].irradiance == pytest.approx((3 * pi * np.sin(0.25) ** 2,) * 3)
+    assert lights["ball"].intensity == pytest.approx((100 / 16,) * 3)
+
+
+def test_a_lamps_node_tree_scales_its_power():
+    add_mesh()
+    lamp = add_lamp("POINT", energy=100)
+    if bpy.app.version < (5, 0):
+        lamp.data.use_nodes = True
+    lamp.data.node_tree.nodes["Emission"].inputs["Strength"].default_value = 3
+    assert extract().scene.lights[0].intensity == pytest.approx((300 / (4 * pi),) * 3)
+
+
+def test_lamps_hidden_in_renders_portals_and_those_without_power_are_left_out():
+    add_mesh()
+    add_lamp("POINT", "hidden").hide_render = True
+    add_lamp("POINT", "off", energy=0)
+    add_lamp("POINT", "not for diffuse").visible_diffuse = False
+    assert extract().scene.lights == ()
+
+
+def test_a_lamp_of_negative_power_is_kept_with_a_warning():
+    add_mesh()
+    add_lamp("SUN", energy=-1)
+    extraction = extract()
+    assert extraction.scene.lights[0].irradiance == (-1, -1, -1)
+    assert any("negative power" in warning for warning in extraction.warnings)
+
+
+# groups and world
+
+
+def test_light_groups_are_those_of_the_view_layer_and_the_nameless_one_comes_first():
+    add_mesh()
+    bpy.context.view_layer.lightgroups.add(name="warm")
+    add_lamp("POINT", "a").lightgroup = "warm"
+    add_lamp("POINT", "b").lightgroup = "unknown"
+    scene = extract().scene
+    assert scene.groups == ("", "warm")
+    assert [light.group for light in scene.lights] == [1, 0]
+
+
+def test_one_material_in_two_light_groups_is_two_records():
+    bpy.context.view_layer.lightgroups.add(name="warm")
+    glow = emission("glow", 2)
+    for name in ("a", "b"):
+        add_mesh(name).data.materials.append(glow)
+    bpy.data.objects["b"].lightgroup = "warm"
+    scene = extract().scene
+    assert [scene.materials[mesh.material[0]].group for mesh in scene.meshes] == [0, 1]
+
+
+def test_the_worlds_colour_times_strength():
+    add_mesh()
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0.1, 0.2, 0.3, 1)
+    background.inputs["Strength"].default_value = 2
+    assert extract().scene.world.radiance == pytest.approx((0.2, 0.4, 0.6))
+
+
+def test_no_light_is_warned_about_and_any_light_is_not():
+    add_mesh()
+    assert any("no light" in warning for warning in extract().warnings)
+    add_lamp("POINT")
+    assert extract().warnings == ()
+
+
+# bad input
+
+
+def test_a_scene_without_faces_is_an_error_that_says_so():
+    with pytest.raises(SceneError, match="no object with faces"):
+        extract()
+
+
+def test_an_unknown_name_is_an_error():
+    add_mesh()
+    with pytest.raises(SceneError, match="no such object"):
+        extract(only=["nobody"])
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: add_mesh("bad", vertices=[(0, 0, float("nan")), (1, 0, 0), (0, 1, 0)], faces=[(0, 1, 2)]), "finite"),
+        (lambda: add_mesh("bad", scale=(1, 1, 0)), "scale is zero"),
+        (lambda: add_mesh("bad", faces=[]), "no faces"),
+        (lambda: add_mesh("bad", vertices=[(0, 0, 0), (1, 0, 0), (2, 0, 0)], faces=[(0, 1, 2)]), "no area"),
+    ],
+)
+def test_a_bad_object_is_skipped_by_name_and_the_rest_is_read(make, reason):
+    add_mesh("good")
+    make()
+    extraction = extract()
+    assert [mesh.name for mesh in extraction.scene.meshes] == ["good"]
+    assert reason in dict(extraction.skipped)["bad"]
+
+
+@pytest.mark.parametrize(
+    ("make", "cause"),
+    [
+        (lambda: add_mesh("bad", vertices=[(1e16, 0, 0), (0, 0, 0), (0, 1, 0)], faces=[(0, 1, 2)]), "1e\\+15"),
+        (lambda: add_mesh("bad", location=(float("nan"), 0, 0)), "transform"),
+        (lambda: add_lamp("POINT", "bad", energy=float("inf")), "power"),
+    ],
+)
+def test_what_can_not_be_baked_is_an_error_that_names_the_object(make, cause):
+    add_mesh("good")
+    make()
+    before = snapshot()
+    with pytest.raises(SceneError, match=cause) as error:
+        extract()
+    assert "bad" in error.value.subject
+    assert snapshot() == before
+
+
+def test_eight_uv_maps_are_an_error_and_seven_are_not():
+    thing = add_mesh()
+    for _ in range(7):
+        thing.data.uv_layers.new()
+    assert extract().scene.meshes[0].lightmapped
+    thing.data.uv_layers.new()
+    with pytest.raises(SceneError, match="all 8 uv maps"):
+        extract()
+
+
+def test_linked_objects_are_an_error_unless_they_only_cast(tmp_path):
+    add_mesh("from elsewhere")
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {bpy.data.objects["from elsewhere"]})
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    add_mesh("local")
+    with bpy.data.libraries.load(path, link=True) as (_, into):
+        into.objects = ["from elsewhere"]
+    bpy.context.scene.collection.objects.link(into.objects[0])
+    with pytest.raises(SceneError, match="linked") as error:
+        extract()
+    assert error.value.subject == "from elsewhere"
+    assert [mesh.lightmapped for mesh in extract(only=["local"]).scene.meshes].count(True) == 1
+
+
+def test_a_cyclic_material_skips_its_object_by_name():
+    add_mesh("good")
+    material = diffuse("loop", 0.5)
+    nodes, link = material.node_tree.nodes, material.node_tree.links.new
+    a, b = nodes.new("ShaderNodeAddShader"), nodes.new("ShaderNodeAddShader")
+    link(a.outputs[0], b.inputs[0])
+    link(b.outputs[0], a.inputs[0])
+    link(a.outputs[0], next(node for node in nodes if node.type == "OUTPUT_MATERIAL").inputs["Surface"])
+    add_mesh("bad").data.materials.append(material)
+    extraction = extract()
+    assert [mesh.name for mesh in extraction.scene.meshes] == ["good"]
+    assert "feeds back" in dict(extraction.skipped)["bad"]
+
+
+# speed
+
+
+def test_a_million_triangles_are_read_within_seconds():
+    import time
+
+    side = 708
+    x, y = np.meshgrid(np.arange(side), np.arange(side))
+    vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3).astype(np.float32)
+    first = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).reshape(-1)
+    loops = (first[:, None] + [0, 1, side + 1, side]).astype(np.int32)
+    mesh = bpy.data.meshes.new("grid")
+    mesh.vertices.add(len(vertices))
+    mesh.vertices.foreach_set("co", vertices.ravel())
+    mesh.loops.add(loops.size)
+    mesh.loops.foreach_set("vertex_index", loops.ravel())
+    mesh.polygons.add(len(loops))
+    mesh.polygons.foreach_set("loop_start", np.arange(len(loops), dtype=np.int32) * 4)
+    mesh.update()
+    add(bpy.data.objects.new("grid", mesh))
+    start = time.perf_counter()
+    assert len(extract().scene.meshes[0].triangles) == 2 * 707**2
+    assert time.perf_counter() - start < 8  # about 1 s on an idle core
+
+
+# helpers
+
+
+def diffuse(name: str, grey: float) -> bpy.types.Material:
+    return one_shader(name, "ShaderNodeBsdfDiffuse", Color=(grey, grey, grey, 1))
+
+
+def emission(name: str, strength: float) -> bpy.types.Material:
+    return one_shader(name, "ShaderNodeEmission", Strength=strength)
+
+
+def one_shader(name: str, kind: str, **inputs) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+    for key, value in inputs.items():
+        shader.inputs[key].default_value = value
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def pass_through() -> bpy.types.NodeTree:
+    tree = bpy.data.node_groups.new("same", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    return tree
