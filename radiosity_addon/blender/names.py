@@ -19,7 +19,7 @@ PAGE_KEY = "radiosity_page"
 """On an image: index of the page that it holds."""
 
 STAND_IN_KEY = "radiosity_source"
-"""On a stand-in: the object that it shows."""
+"""On a stand-in: the object that it shows. On its mesh: True."""
 
 HIDDEN_KEY = "radiosity_hidden"
 """On an object behind a stand-in: its visibility and selection before the bake."""
@@ -35,6 +35,8 @@ PREVIEW_KEY = "radiosity_preview"
 
 ORIGINAL_MATERIAL_KEY = "radiosity_original"
 """On a preview material: the material that it shows, absent where the slot was empty."""
+
+KEYS = (BAKE_KEY, PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY)
 
 
 def is_baked(scene: bpy.types.Scene) -> bool:

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Material copies that show albedo x lightmap + emission, alike in Cycles and in Eevee.
+
+The copy emits its outgoing radiance and reflects nothing. So no lamp and no world lights it a second time, its picture
+is free of noise, and it still lights what was not baked, as the real surface would. A page holds the light of a
+surface's front; the back shows the same, so that a lone plane is not black from behind.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, UV_MAP
+from .preview_nodes import BLACK, Look, ShaderReader
+
+ENGINES = ("CYCLES", "EEVEE")
+UNLINKED_GREY = (0.8, 0.8, 0.8)
+"""Albedo that Cycles gives to a face without material."""
+
+
+class PreviewMaterials:
+    """The preview materials of one bake: one for each material and page."""
+
+    def __init__(self, token: str, images: list[bpy.types.Image]) -> None:
+        """Args:
+        token: the bake's, which every material and node group gets
+        images: of the pages
+        """
+        self.token = token
+        self.images = images
+        self._made: dict[tuple[int, int], bpy.types.Material] = {}
+
+    def of(self, material: bpy.types.Material | None, page: int) -> bpy.types.Material:
+        """The material's copy for a page; for an empty slot one in the grey that Cycles gives it."""
+        key = (0 if material is None else material.session_uid, page)
+        if key not in self._made:
+            self._made[key] = self._make(material, page)
+        return self._made[key]
+
+    def _make(self, material: bpy.types.Material | None, page: int) -> bpy.types.Material:
+        copy = bpy.data.materials.new("Empty") if material is None else material.copy()
+        copy[BAKE_KEY] = self.token  # first: what has the token is taken out again should anything fail
+        copy[PREVIEW_KEY] = True
+        if material is not None:
+            copy[ORIGINAL_MATERIAL_KEY] = material
+        copy.name = f"{'Empty' if material is None else material.name} ({self.images[page].name})"
+        copy.use_fake_user = False
+        copy.asset_clear()
+        emits = _show(copy, material is None, self.images[page], self.token)
+        if not emits and hasattr(copy, "cycles"):
+            copy.cycles.emission_sampling = "NONE"  # reflected light: no lamp to aim shadow rays at
+        return copy
+
+
+def _show(material: bpy.types.Material, empty: bool, image: bpy.types.Image, token: str) -> bool:
+    """Rewire a copy to show its lightmap; returns whether it emits light of its own."""
+    if empty or material.node_tree is None:
+        plain = Look(albedo=UNLINKED_GREY if empty else tuple(material.diffuse_color[:3]))
+        if material.node_tree is None:
+            material.use_nodes = True
+        material.node_tree.nodes.clear()
+        end = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+        _emit(ShaderReader(material.node_tree, token), plain, end, image)
+        return False
+    tree = material.node_tree
+    reader = ShaderReader(tree, token)
+    emits = False
+    for end in {end.name: end for end in map(tree.get_output_node, ENGINES) if end is not None}.values():
+        look = reader.look(end.inputs["Surface"])
+        _emit(reader, look, end, image)
+        emits = emits or look.emission != BLACK
+    return emits
+
+
+def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, image: bpy.types.Image) -> None:
+    """Link an output's surface to albedo x lightmap + emission, and to what passes through."""
+    radiance = reader.add(reader.multiply(look.albedo, _lightmap(reader, image)), look.emission)
+    emission = reader.node("ShaderNodeEmission")
+    reader.feed(radiance, emission.inputs["Color"])
+    shader = emission.outputs[0]
+    if look.through != BLACK:
+        transparent, both = reader.node("ShaderNodeBsdfTransparent"), reader.node("ShaderNodeAddShader")
+        reader.feed(look.through, transparent.inputs["Color"])
+        reader.tree.links.new(shader, both.inputs[0])
+        reader.tree.links.new(transparent.outputs[0], both.inputs[1])
+        shader = both.outputs[0]
+    reader.tree.links.new(shader, end.inputs["Surface"])
+
+
+def _lightmap(reader: ShaderReader, image: bpy.types.Image) -> bpy.types.NodeSocket:
+    place, texture = reader.node("ShaderNodeUVMap"), reader.node("ShaderNodeTexImage")
+    place.uv_map = UV_MAP
+    texture.image = image
+    texture.extension = "EXTEND"
+    reader.tree.links.new(place.outputs["UV"], texture.inputs["Vector"])
+    return texture.outputs["Color"]

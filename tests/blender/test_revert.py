@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from baked import bake, diffuse, quad, shader  # noqa: E402
+from datablocks import differences, snapshot  # noqa: E402
+
+from radiosity_addon.blender.names import UV_MAP, is_baked  # noqa: E402
+from radiosity_addon.blender.revert import revert  # noqa: E402
+
+
+def furnished() -> list[bpy.types.Object]:
+    """A scene with every kind of thing that a bake changes."""
+    white, cloth = diffuse("White", 0.8), shader("Cloth", "ShaderNodeBsdfPrincipled", Alpha=0.5)
+    wall = quad("Wall", white, uv_maps=2)
+    wall.data.uv_layers.active_index = 1
+    wall.data.materials.append(None)
+    wall.material_slots[0].link = "OBJECT"
+    wall.material_slots[0].material = cloth
+    bare = quad("Bare", uv_maps=0)
+    sofa = quad("Sofa", cloth)
+    sofa.modifiers.new("Subdivision", "SUBSURF").render_levels = 1
+    sofa.parent = wall
+    cushion = quad("Cushion", cloth)
+    cushion.parent = sofa
+    twins = [quad("Twin", white)]
+    twins.append(bpy.data.objects.new("Other Twin", twins[0].data))
+    shelf = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.children.link(shelf)
+    shelf.objects.link(twins[1])
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Surface", in_out="OUTPUT", socket_type="NodeSocketShader")
+    paint, end = group.nodes.new("ShaderNodeBsdfDiffuse"), group.nodes.new("NodeGroupOutput")
+    group.links.new(paint.outputs[0], end.inputs[0])
+    painted = shader("Painted", "ShaderNodeBsdfDiffuse")
+    tree = painted.node_tree
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    sphere = quad("Sphere", painted)
+    sofa.select_set(True)
+    bpy.context.view_layer.objects.active = sofa
+    cushion.hide_set(True)
+    bpy.context.view_layer.update()
+    return [wall, bare, sofa, cushion, *twins, sphere]
+
+
+PAGES = {"Wall": 0, "Bare": 1, "Sofa": 1}
+
+
+@pytest.mark.parametrize("mode", ["preview", "uv"])
+def test_revert_brings_back_every_datablock_exactly(tmp_path, mode):
+    things = furnished()
+    before = snapshot()
+    bake(things, tmp_path, mode=mode, pages=PAGES)
+    assert differences(before, snapshot())
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+
+
+@pytest.mark.parametrize("modes", [("preview", "preview"), ("preview", "uv"), ("uv", "preview")])
+def test_revert_after_two_bakes_brings_back_the_first_state(tmp_path, modes):
+    things = furnished()
+    before = snapshot()
+    for mode in modes:
+        bake(things, tmp_path, mode=mode, pages=PAGES)
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+
+
+def test_revert_after_saving_and_reading_the_file_brings_back_every_datablock_exactly(tmp_path):
+    things = furnished()
+    path = str(tmp_path / "room.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    before = snapshot()
+    bake([bpy.data.objects[name] for name in before_names(before)], tmp_path, pages=PAGES)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert is_baked(bpy.context.scene)
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+    assert len(things) == len(before_names(before))
+
+
+def before_names(taken: dict) -> list[str]:
+    return [key.partition("/")[2] for key in taken if key.startswith("objects/")]
+
+
+def test_revert_of_a_scene_that_was_not_baked_changes_nothing():
+    furnished()
+    before = snapshot()
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+
+
+def test_revert_finds_what_was_renamed(tmp_path):
+    things = furnished()
+    bake(things, tmp_path, pages=PAGES)
+    for kind in (bpy.data.objects, bpy.data.materials, bpy.data.images, bpy.data.meshes, bpy.data.node_groups):
+        for datablock in kind:
+            datablock.name = "Renamed"
+    bpy.context.scene.name = "Renamed"
+    counts = (len(things), 3)
+    revert(bpy.context.scene)
+    assert (len(bpy.data.objects), len(bpy.data.materials)) == counts
+    assert not bpy.data.images
+    assert len(bpy.data.node_groups) == 1
+    assert not any(UV_MAP in mesh.uv_layers for mesh in bpy.data.meshes)
+    assert not any(thing.hide_render for thing in bpy.data.objects)
+
+
+def test_revert_goes_on_where_things_were_deleted(tmp_path):
+    things = furnished()
+    bake(things, tmp_path, pages=PAGES)
+    bpy.data.objects.remove(bpy.data.objects["Sofa"])
+    bpy.data.objects.remove(bpy.data.objects["Other Twin (Radiosity)"])
+    bpy.data.materials.remove(bpy.data.materials["White"])
+    bpy.data.images.remove(bpy.data.images["Radiosity 2"])
+    layers = bpy.data.objects["Wall"].data.uv_layers
+    layers.remove(layers[UV_MAP])
+    revert(bpy.context.scene)
+    assert not is_baked(bpy.context.scene)
+    assert not bpy.data.images
+    assert "Sofa (Radiosity)" not in bpy.data.objects
+    assert not bpy.data.objects["Other Twin"].hide_render
+    assert sorted(material.name for material in bpy.data.materials) == ["Cloth", "Painted"]
+    assert bpy.data.objects["Twin"].material_slots[0].material is None
+
+
+def test_revert_also_cleans_copies_that_the_user_made(tmp_path):
+    wall = quad("Wall", diffuse("White", 0.8))
+    bake([wall], tmp_path)
+    copy = wall.copy()
+    copy.data = wall.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    revert(bpy.context.scene)
+    assert copy.material_slots[0].material.name == "White"
+    assert UV_MAP not in copy.data.uv_layers
+
+
+def test_revert_keeps_what_the_user_did_since(tmp_path):
+    wall = quad("Wall", diffuse("White", 0.8), uv_maps=2)
+    bake([wall], tmp_path)
+    wall.location.x = 3
+    wall.data.uv_layers.active_index = 1
+    wall.data.materials.append(diffuse("Red", 0.2))
+    revert(bpy.context.scene)
+    assert wall.location.x == 3
+    assert wall.data.uv_layers.active_index == 1
+    assert [slot.material.name for slot in wall.material_slots] == ["White", "Red"]
+
+
+def test_a_map_that_the_user_made_active_gives_way_to_the_one_before(tmp_path):
+    wall = quad("Wall", uv_maps=3)
+    layers = wall.data.uv_layers
+    layers.active_index, layers[2].active_render = 1, True
+    bake([wall], tmp_path)
+    layers = wall.data.uv_layers
+    layers.active = layers[UV_MAP]
+    layers[UV_MAP].active_render = True
+    revert(bpy.context.scene)
+    layers = wall.data.uv_layers
+    assert layers.active.name == "Map 1"
+    assert [layer.name for layer in layers if layer.active_render] == ["Map 2"]
+
+
+def test_another_scenes_bake_stays(tmp_path):
+    wall = quad("Wall", diffuse("White", 0.8))
+    bake([wall], tmp_path)
+    other = bpy.data.scenes.new("Other")
+    first = bpy.context.scene
+    bpy.context.window.scene = other
+    floor = quad("Floor", diffuse("Grey", 0.4))
+    bake([floor], tmp_path)
+    revert(other)
+    assert is_baked(first)
+    assert UV_MAP in wall.data.uv_layers
+    assert wall.material_slots[0].material.name == "White (Radiosity 1)"
+    assert floor.material_slots[0].material.name == "Grey"
