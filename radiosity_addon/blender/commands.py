@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The verbs of the command line at work on the open .blend: bake it, take a bake out, say what a bake would do."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from ..chunks import finish
+from ..errors import SceneError
+from ..files import Transaction
+from ..report import Report, write_report
+from ..settings import BakeSettings
+from ..unwrap import Atlas, build_atlas
+from .blend_files import save_blend, silence
+from .extract import extract_scene
+from .job import Job, bake_scene
+from .names import is_baked
+from .render_picture import render_picture
+from .revert import revert as take_out_of
+
+if TYPE_CHECKING:
+    from ..bake import Progress
+    from ..cli import Verb
+    from ..progress import Meter
+
+BYTES_PER_TEXEL = 100
+"""What a bake keeps of each texel of its pages, at most."""
+BYTES_OF_CHUNKS = 500e6
+"""What it holds for a moment beyond that, at most."""
+
+
+def bake(verb: Verb, meter: Meter) -> Report:
+    """Bake the open scene and write all files of it, or none.
+
+    Raises:
+        BakeError: with the object or file, the cause and the remedy
+    """
+    output = verb.output
+    textures = verb.textures or output.with_name(f"{output.stem}_textures")
+    scene = bpy.context.scene
+    job = Job(
+        settings=_settings(scene, verb),
+        write_back=verb.write_back or scene.radiosity.write_back,
+        folder=textures,
+        stem=output.stem,
+        objects=verb.object,
+    )
+    with Transaction() as files:
+        for target in filter(None, (output, verb.report, verb.render)):
+            files.make_folder(target.parent)
+        report = _watched(bake_scene(scene, job, files), meter)
+        save_blend(output, files)
+        if verb.render:
+            shown = [bpy.data.objects[baked.object] for baked in report.objects]
+            with silence():
+                render_picture(bpy.context.scene, verb.render, shown, files)
+        files.place(output)
+        if verb.report:
+            write_report(verb.report, report, output.parent, files)
+        files.commit()
+    return report
+
+
+def revert(verb: Verb) -> None:
+    """Take the bake out of the open scene and save it.
+
+    Raises:
+        SceneError: there is none in it
+        OutputError: the result can't be saved
+    """
+    scene = bpy.context.scene
+    if not is_baked(scene):
+        raise SceneError(scene.name, "there is no bake in this scene", "Give a .blend that `bake` has written")
+    with Transaction() as files:
+        files.make_folder(verb.output.parent)
+        take_out_of(scene)
+        save_blend(verb.output, files)
+        files.place(verb.output)
+        files.commit()
+
+
+def info(verb: Verb) -> str:
+    """What a bake of the open scene would do: objects baked and not and why, texels, pages, memory."""
+    scene = bpy.context.scene
+    settings = _settings(scene, verb)
+    with silence():
+        extraction = extract_scene(scene)
+        atlas = finish(build_atlas(extraction.scene, settings))
+    texels = _texels(atlas)
+    lines = ["Baked:"]
+    for index, mesh in enumerate(extraction.scene.meshes):
+        if atlas.page[index] >= 0:
+            place = f"page {atlas.page[index] + 1}, about {texels[index]:,} texels, {atlas.density[index]:.4g} a metre"
+            lines.append(f"  {mesh.name}: {place}")
+    if extraction.skipped:
+        lines.append("Not baked:")
+        lines += [f"  {name}: {reason}" for name, reason in extraction.skipped]
+    warnings = [*extraction.scene.warnings, *atlas.warnings]
+    if warnings:
+        lines.append("Warnings:")
+        lines += [f"  {warning}" for warning in warnings]
+    pages = f"{atlas.page_count} page{'s' * (atlas.page_count != 1)} of {atlas.size} x {atlas.size}"
+    memory = (sum(texels) * BYTES_PER_TEXEL + BYTES_OF_CHUNKS) / 1e9
+    lines.append(
+        f"In all: {pages}, about {sum(texels):,} texels, at most {memory:.1f} GB of memory beside Blender itself"
+    )
+    return "\n".join(lines)
+
+
+def _texels(atlas: Atlas) -> list[int]:
+    """Texels that each mesh covers, by the area of its uv map."""
+    counts = []
+    for uv in atlas.uv:
+        a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+        area = float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(dtype=np.float64)) / 2
+        counts.append(round(area * atlas.size**2))
+    return counts
+
+
+def _settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
+    """The scene's settings, and what the command line says in their place."""
+    names = ("density", "page_size", "quality", "tolerance", "threads")
+    given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
+    return replace(scene.radiosity.bake_settings(), **given)
+
+
+def _watched(steps: Generator[Progress, None, Report], meter: Meter) -> Report:
+    """Run a bake to its end and show how far it is, without what Blender prints in between."""
+    try:
+        while True:
+            with silence():
+                progress = next(steps)
+            meter.show(progress)
+    except StopIteration as stop:
+        report: Report = stop.value
+        return report
+    finally:
+        steps.close()

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The whole way of a bake, from the open scene to lit materials: the one generator that operators and commands run."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import bpy
+
+from ..bake import Baked, Progress, bake
+from ..errors import SceneError
+from ..files import Transaction, page_paths
+from ..image import write_exr
+from ..report import BakedObject, Page, Report
+from ..settings import BakeSettings
+from .extract import extract_scene
+from .write_back import write_back
+
+READING_SHARE = 0.02
+"""Share of the progress bar for reading the scene, before the core's part of it."""
+BAKING_SHARE = 0.94
+"""Share for the core; writing files and materials takes the rest."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to bake, how, and where to.
+
+    Attributes:
+        settings: the core's
+        write_back: show the light in material copies, or add uv maps and images only
+        folder: where the pages go, absolute; None packs them into the .blend
+        stem: what the pages' names begin with
+        objects: names of those to bake, while all others only shadow and bounce; empty bakes all
+    """
+
+    settings: BakeSettings
+    write_back: Literal["preview", "uv"]
+    folder: Path | None
+    stem: str
+    objects: Sequence[str] = ()
+
+
+def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generator[Progress, None, Report]:
+    """Bake a scene and show the light in it.
+
+    Closing the generator, or an error, leaves the scene as it was found. The pages are put in place; whether they
+    stay is decided by `files`.
+
+    Raises:
+        BakeError: with the object or file, the cause and the remedy
+    """
+    start = time.perf_counter()
+    scene_name = scene.name
+    with ExitStack() as stack:
+        folder = job.folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="radiosity-")))
+        files.make_folder(folder)
+        files.lock(folder)
+        yield Progress("Read scene", 0.0)
+        extraction = extract_scene(scene, job.objects or None)
+        read = time.perf_counter()
+        baked = yield from _scaled(bake(extraction.scene, job.settings))
+        last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
+        yield last
+        begin = time.perf_counter()
+        paths = page_paths(folder, job.stem, len(baked.pages))
+        clamped = [write_exr(path, page, files) for path, page in zip(paths, baked.pages, strict=True)]
+        written = time.perf_counter()
+        yield replace(last, stage="Write back")
+        scene = _still_there(scene_name)
+        rows, images = write_back(scene, extraction, baked.atlas, paths, mode=job.write_back, pack=job.folder is None)
+    end = time.perf_counter()
+    lit = [index for index, page in enumerate(baked.atlas.page) if page >= 0]
+    return Report(
+        pages=[Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"])) for row in images],
+        objects=[
+            BakedObject(**row, texels=int(baked.mesh_texels[index])) for row, index in zip(rows, lit, strict=True)
+        ],
+        skipped=extraction.skipped,
+        stages=[
+            ("Read scene", read - start, 0),
+            *((stage.name, stage.seconds, stage.rays) for stage in baked.stages),
+            ("Write files", written - begin, 0),
+            ("Write back", end - written, 0),
+        ],
+        seconds=end - start,
+        texels=baked.texels,
+        patches=baked.patches,
+        rays=baked.rays,
+        residual=baked.residual,
+        warnings=[*baked.warnings, *_clamped_warnings(paths, clamped)],
+    )
+
+
+def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:
+    """The core's progress as part of the whole."""
+    try:
+        while True:
+            progress = next(steps)
+            yield replace(progress, fraction=READING_SHARE + BAKING_SHARE * progress.fraction)
+    except StopIteration as stop:
+        baked: Baked = stop.value
+        return baked
+    finally:
+        steps.close()
+
+
+def _still_there(name: str) -> bpy.types.Scene:
+    """The scene by name: a reference kept while a person goes on working may point nowhere."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        raise SceneError(name, "the scene was renamed or deleted during the bake", "Bake again")
+    return scene
+
+
+def _clamped_warnings(paths: Sequence[Path], clamped: Sequence[int]) -> list[str]:
+    return [
+        f"{path.name}: {count} values that half floats can't hold were clamped"
+        for path, count in zip(paths, clamped, strict=True)
+        if count
+    ]

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a user sets in Blender: `scene.radiosity` and `object.radiosity`, saved with the file."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..settings import MAX_PAGE_SIZE, BakeSettings
+
+
+class RadiositySceneSettings(bpy.types.PropertyGroup):
+    """Settings of a scene's bake."""
+
+    density_enabled: BoolProperty(
+        name="Fixed Density",
+        description="Use as many pages as the density asks for, instead of filling one page",
+        default=False,
+    )
+    density: FloatProperty(
+        name="Density",
+        description="Texels per metre of surface",
+        default=64.0,
+        min=0.001,
+        soft_min=1.0,
+        soft_max=512.0,
+    )
+    page_size: IntProperty(
+        name="Page Size",
+        description="Texels along an edge of a lightmap image",
+        default=1024,
+        min=16,
+        max=MAX_PAGE_SIZE,
+        subtype="PIXEL",
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="How many rays are spent",
+        items=(
+            ("draft", "Draft", "A quick look while placing lights"),
+            ("medium", "Medium", "Good for most scenes"),
+            ("high", "High", "For the last bake, a few times slower"),
+        ),
+        default="medium",
+    )
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Share of the emitted light that may be left to bounce when the solver stops",
+        default=1e-3,
+        min=1e-8,
+        max=0.5,
+        precision=6,
+        step=0.1,
+    )
+    threads: IntProperty(
+        name="Threads",
+        description="Processors to use, 0 for all",
+        default=0,
+        min=0,
+        max=1024,
+    )
+    write_back: EnumProperty(
+        name="Result",
+        description="What the bake changes in the scene",
+        items=(
+            (
+                "preview",
+                "Lit Materials",
+                "Copies of the materials show the baked light; Revert brings the own ones back",
+            ),
+            ("uv", "UV Maps and Images", "Only uv maps and images are added, the materials stay"),
+        ),
+        default="preview",
+    )
+    textures: StringProperty(
+        name="Textures",
+        description="Folder of the lightmap images. Empty: beside the .blend file, or packed while it is unsaved",
+        default="",
+        subtype="DIR_PATH",
+    )
+
+    def bake_settings(self) -> BakeSettings:
+        """The core's settings."""
+        return BakeSettings(
+            density=self.density if self.density_enabled else None,
+            page_size=self.page_size,
+            quality=self.quality,
+            tolerance=self.tolerance,
+            threads=self.threads,
+        )
+
+
+class RadiosityObjectSettings(bpy.types.PropertyGroup):
+    """How one object takes part in a bake."""
+
+    exclude: BoolProperty(
+        name="Exclude",
+        description="Leave the object out of the bake: no lightmap, no shadow, no bounced light",
+        default=False,
+    )
+    only_casts: BoolProperty(
+        name="Only Shadow and Bounce",
+        description="Give the object no lightmap, but let it shadow and bounce light onto others",
+        default=False,
+    )
+    density: FloatProperty(
+        name="Density",
+        description="Multiplier of the texel density on this object",
+        default=1.0,
+        min=0.001,
+        soft_max=8.0,
+        max=1000.0,
+    )
+    uv_map: StringProperty(
+        name="UV Map",
+        description="Keep this uv map for the lightmap instead of unwrapping. Empty: unwrap",
+        default="",
+    )
+
+
+CLASSES = (RadiositySceneSettings, RadiosityObjectSettings)
+
+
+def register() -> None:
+    """Give scenes and objects their settings."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.radiosity = PointerProperty(type=RadiositySceneSettings)
+    bpy.types.Object.radiosity = PointerProperty(type=RadiosityObjectSettings)
+
+
+def unregister() -> None:
+    """Take the settings away; what a file holds of them stays in it."""
+    del bpy.types.Object.radiosity
+    del bpy.types.Scene.radiosity
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: `python -m radiosity_addon`, `radiosity`, and `blender --command radiosity`.
+
+Blender is imported by a verb at work, so that help and usage errors need none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from .errors import BakeError, SceneError
+from .progress import Meter, count_of
+from .settings import QUALITIES
+
+if TYPE_CHECKING:
+    from .report import Report
+
+DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: done, an error, wrong arguments, stopped by Ctrl-C."""
+TRACEBACK_VARIABLE = "RADIOSITY_TRACEBACK"
+"""Environment variable that, when set, shows where an internal error came from."""
+
+
+@dataclass(frozen=True)
+class Verb:
+    """What `bake`, `revert` and `info` were asked for. None is: as saved in the scene, or not at all."""
+
+    name: str
+    scene: Path
+    output: Path | None = None
+    textures: Path | None = None
+    report: Path | None = None
+    render: Path | None = None
+    density: float | None = None
+    page_size: int | None = None
+    quality: str | None = None
+    tolerance: float | None = None
+    threads: int | None = None
+    write_back: str | None = None
+    object: tuple[str, ...] = ()
+    quiet: bool = False
+
+
+def main(argv: Sequence[str] | None = None, opened: str | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: arguments after the program's name; the process's own by default
+        opened: under `blender --command`, the path of the .blend that is open, "" if there is none
+
+    Returns:
+        0 done, 1 an error that was printed, 2 wrong arguments, 130 interrupted
+    """
+    try:
+        options = _parser(opened).parse_args(argv)
+    except SystemExit as stop:
+        return DONE if not stop.code else USAGE
+    meter = Meter(sys.stdout, getattr(options, "quiet", False))
+    try:
+        with _interruptible():
+            _run(_verb(options, opened), options.scene is None, meter)
+    except BakeError as error:
+        return _fail(meter, f"error: {error}")
+    except MemoryError:
+        return _fail(meter, "error: Memory: this bake needs more than there is. Lower the page size or the density.")
+    except KeyboardInterrupt:
+        _fail(meter, "interrupted; all files are as they were")
+        return INTERRUPTED
+    except Exception as error:  # noqa: BLE001 a defect of ours must not look like one of the scene's
+        if os.environ.get(TRACEBACK_VARIABLE):
+            traceback.print_exc()
+        cause = f"{type(error).__name__}: {error}".splitlines()[0]
+        return _fail(
+            meter, f"internal error: {cause}. Please report it; {TRACEBACK_VARIABLE}=1 shows where it happened."
+        )
+    return DONE
+
+
+def _parser(opened: str | None) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="radiosity" if opened is None else "blender --command radiosity",
+        description="Bake the light of a Blender scene, all bounces included, into lightmaps.",
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    bake = verbs.add_parser("bake", help="bake a scene and save it lit", description="Bake a scene and save it lit.")
+    _add_scene(bake, "the scene to bake; never written to unless -o names it", opened)
+    bake.add_argument("-o", dest="output", type=_blend, required=True, metavar="BAKED.blend", help="the lit scene")
+    bake.add_argument("--textures", type=Path, metavar="DIR", help="folder of the pages; default: BAKED_textures")
+    _add_density(bake)
+    bake.add_argument("--quality", choices=QUALITIES, help="numbers of rays; default: medium")
+    bake.add_argument(
+        "--tolerance", type=float, metavar="F", help="share of the light left to bounce at the end; default: 0.001"
+    )
+    bake.add_argument(
+        "--write-back",
+        choices=("preview", "uv"),
+        help="preview: materials show the light; uv: uv maps and images only; default: preview",
+    )
+    bake.add_argument("--report", type=Path, metavar="FILE.json", help="write figures of the bake")
+    bake.add_argument("--render", type=_png, metavar="PICTURE.png", help="render the lit scene")
+    bake.add_argument(
+        "--object", nargs="+", action="extend", default=[], metavar="NAME", help="bake these objects only"
+    )
+    bake.add_argument("--threads", type=int, metavar="N", help="worker threads; default: 0, one a processor")
+    bake.add_argument("--quiet", action="store_true", help="print errors only")
+
+    revert = verbs.add_parser(
+        "revert", help="take a bake out of a scene again", description="Take a bake out of a scene again."
+    )
+    _add_scene(revert, "a baked scene", opened)
+    revert.add_argument(
+        "-o", dest="output", type=_blend, required=True, metavar="OUT.blend", help="the scene as before"
+    )
+
+    info = verbs.add_parser(
+        "info", help="list what would be baked, and what not and why", description="List what would be baked."
+    )
+    _add_scene(info, "the scene to look at", opened)
+    _add_density(info)
+    return parser
+
+
+def _add_scene(verb: argparse.ArgumentParser, text: str, opened: str | None) -> None:
+    nargs = None if opened is None else "?"
+    verb.add_argument("scene", type=Path, nargs=nargs, metavar="SCENE.blend", help=text)
+
+
+def _add_density(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("--density", type=float, metavar="F", help="texels per metre; default: fill one page")
+    verb.add_argument("--page-size", type=int, metavar="N", help="texels along a page's edge; default: 1024")
+
+
+def _blend(text: str) -> Path:
+    return _path_with(text, ".blend")
+
+
+def _png(text: str) -> Path:
+    return _path_with(text, ".png")
+
+
+def _path_with(text: str, suffix: str) -> Path:
+    if Path(text).suffix.lower() != suffix:
+        raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
+    return Path(text).absolute()
+
+
+def _verb(options: argparse.Namespace, opened: str | None) -> Verb:
+    given = dict(vars(options))
+    scene = given.pop("scene") or (Path(opened) if opened else None)
+    if scene is None:
+        raise SceneError("Scene", "no .blend file is open", "Give the path of one that exists")
+    if not scene.is_file():
+        cause = "it is a folder" if scene.is_dir() else "there is no such file"
+        raise SceneError(str(scene), cause, "Give the path of a .blend file")
+    for name in ("textures", "report"):
+        if given.get(name) is not None:
+            given[name] = given[name].absolute()
+    given["object"] = tuple(given.get("object", ()))
+    return Verb(name=given.pop("verb"), scene=scene.absolute(), **given)
+
+
+def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
+    if importlib.util.find_spec("bpy") is None:
+        raise BakeError(
+            "Blender", "its Python module bpy is not installed", "Run `pip install .` on Python 3.11 or 3.13"
+        )
+    from .blender import commands, registered
+
+    with registered():
+        if not is_open:
+            commands.open_scene(verb.scene)
+        if verb.name == "bake":
+            _say_result(commands.bake(verb, meter), verb, meter)
+        elif verb.name == "revert":
+            commands.revert(verb)
+            meter.say(f"Saved {verb.output}")
+        else:
+            meter.say(commands.info(verb))
+
+
+def _say_result(report: Report, verb: Verb, meter: Meter) -> None:
+    if not verb.quiet:
+        for warning in report.warnings:
+            meter.clear()
+            print(f"radiosity: warning: {warning}", file=sys.stderr)
+    width, height = report.pages[0].size
+    pages = f"{len(report.pages)} page{'s' * (len(report.pages) != 1)} of {width} x {height}"
+    meter.say(
+        f"Baked {len(report.objects)} objects on {pages}: {report.texels:,} texels, {report.patches:,} patches, "
+        f"{count_of(report.rays)} rays, residual {report.residual:.2g}, {report.seconds:.1f} s"
+    )
+    meter.say(f"Saved {verb.output}")
+
+
+def _fail(meter: Meter, line: str) -> int:
+    meter.clear()
+    print(f"radiosity: {line}", file=sys.stderr)
+    return FAILED
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Turn the first Ctrl-C, or a request to terminate, into KeyboardInterrupt; Blender by itself would not."""
+    stopping = False
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal stopping
+        if not stopping:  # a second one must not break the cleaning up
+            stopping = True
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)  # None: it was not Python's
