@@ -33,7 +33,7 @@ SPECIAL_ROWS = 3
 RAYS = 1 << 15
 """Rays traced at once."""
 
-POOL_WIDTH = 2.0
+POOL_WIDTH = 3.0
 """Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
 
 JITTER_DIMENSIONS = (4, 5)
@@ -133,18 +133,16 @@ class _Rays:
         elements = np.concatenate(self.elements) if self.elements else np.zeros((0, self.pilots), np.int32)
         bins = np.concatenate(self.bins) if self.bins else np.zeros((0, self.pilots), np.uint16)
         self.elements, self.bins = [], []
-        keys = cell_keys(self.texels, points.texel, base * POOL_WIDTH)
-        _, group = np.unique(keys, return_inverse=True)
-        group = group.reshape(-1)
-        groups = int(group.max(initial=-1)) + 1
+        fold = _folds(cell_keys(self.texels, points.texel, base * POOL_WIDTH))
+        folds = int(fold.max(initial=-1)) + 2
         bright = table.sum(1)
-        owner = np.repeat(group, self.pilots)
-        density = pool(owner, groups, bins.reshape(-1).astype(np.int64), bright[elements.reshape(-1)])
-        drawn = draw_bins(density, self.guided) if groups else np.zeros((0, self.guided), np.int64)
+        owner = np.repeat(fold ^ 1, self.pilots)
+        density = pool(owner, folds, bins.reshape(-1).astype(np.int64), bright[elements.reshape(-1)])
+        drawn = draw_bins(density, self.guided)
         lit = density.any(1)
 
         def work(start: int, stop: int) -> tuple[Int32, Float32]:
-            texel, mine = points.texel[start:stop], group[start:stop]
+            texel, mine = points.texel[start:stop], fold[start:stop]
             sample = np.tile(np.arange(self.pilots), stop - start)
             cosine = np.sqrt(1 - even_uniform(np.repeat(texel, self.pilots), sample, 0)).reshape(-1, self.pilots)
             seen = density[mine[:, None], bins[start:stop]]
@@ -180,15 +178,37 @@ class _Rays:
         )
 
 
-def _sum_rays(elements: Int32, weights: Float32, table: Float32, workers: int) -> Fractions[Float32]:
-    """Irradiance (P, C) of points from their rays. Rays that met nothing that takes part share out their weight."""
+def _folds(keys: Int64) -> Int64:
+    """Number (P,) of each point's half of its cell: 2 i and 2 i + 1 for cell i.
+
+    Each half is guided by the pilots of the other. A ray weighed by a histogram that it helped to fill would count
+    too little: 4 % of the light was missing so.
+    """
+    order = np.argsort(keys, kind="stable")
+    first = np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)]
+    cell = np.cumsum(first) - 1
+    rank = np.arange(len(keys)) - np.flatnonzero(first)[cell]
+    fold: Int64 = np.empty(len(keys), np.int64)
+    fold[order] = 2 * cell + rank % 2
+    return fold
+
+
+def _sum_rays(elements: Int32, weights: Float32, pilots: int, table: Float32, workers: int) -> Fractions[Float32]:
+    """Irradiance (P, C) of points from their rays.
+
+    The weights should add up to pi and do so only on average, and rays that met nothing that takes part are missing.
+    What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact where all is
+    equally bright, harmless where a small window outshines the rest.
+    """
 
     def work(start: int, stop: int) -> Float32:
-        element, weight = elements[start:stop], weights[start:stop]
-        light = np.einsum("pr,prc->pc", weight, table[element])
-        total = weight.sum(1)
-        lost = (weight * (element == NOTHING)).sum(1)
-        return np.asarray(light * (total / np.maximum(total - lost, 0.05 * total + 1e-9))[:, None], np.float32)
+        element = elements[start:stop]
+        weight = weights[start:stop] * (element != NOTHING)
+        radiance = table[element]
+        pilot = radiance[:, :pilots]
+        dim = np.minimum(pilot, pilot.mean(1, keepdims=True)).mean(1)
+        light = np.einsum("pr,prc->pc", weight, radiance)
+        return np.asarray(light + dim * (np.float32(np.pi) - weight.sum(1))[:, None], np.float32)
 
     parts = yield from in_chunks(work, len(elements), max(1, RAYS // max(1, elements.shape[1])), workers)
     return np.concatenate(parts) if parts else np.zeros((0, table.shape[1]), np.float32)
@@ -213,10 +233,10 @@ def final_gather(
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays.look), 0.0, 0.3)
     table = light.radiance(patches, None, points.cell)
     elements, weights = yield from scaled(rays.weigh(points, table, base), 0.3, 0.6)
-    irradiance = yield from scaled(_sum_rays(elements, weights, table, workers), 0.6, 0.65)
+    irradiance = yield from scaled(_sum_rays(elements, weights, rays.pilots, table, workers), 0.6, 0.65)
     for _ in range(1, steps.gather_passes):
         table = light.radiance(patches, irradiance, points.cell)
-        irradiance = yield from scaled(_sum_rays(elements, weights, table, workers), 0.65, 0.7)
+        irradiance = yield from scaled(_sum_rays(elements, weights, rays.pilots, table, workers), 0.65, 0.7)
     del table, elements, weights
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)

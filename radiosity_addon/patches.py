@@ -16,7 +16,6 @@ import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .sampling import even_uniform
-from .surfaces import Surfaces
 from .texels import STRATA, Texels
 from .visibility import Hits
 
@@ -109,7 +108,6 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
         emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp
         solid: (F,) bool, triangles without a back side
     """
-    surfaces = texels.surfaces
     taking = np.flatnonzero(texels.valid & (texels.area > 0))
     weight = texels.area[taking].astype(np.float64)
     width = float(np.sqrt(weight.sum() / max(target, 1))) or 1.0
@@ -131,7 +129,7 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
     of_element = np.full(texels.count + count, NOTHING, np.int32)
     of_element[taking] = front
     of_element[texels.count :] = np.arange(count)
-    _join_lonely(of_element, texels, surfaces, taking, width)
+    _join_lonely(of_element, texels)
     back = np.full(texels.count, NOTHING, np.int32)
     back[taking[hollow]] = behind
     start, strata = _strata_lists(texels, members, owners, count)
@@ -168,16 +166,16 @@ def _cells(texels: Texels, chosen: Int64, width: float) -> tuple[Int64, int]:
     return cell.reshape(-1), len(names)
 
 
-def _join_lonely(of_element: Int32, texels: Texels, surfaces: Surfaces, taking: Int64, width: float) -> None:
-    """Give texels without area of their own, beside charts, the patch of a texel in their cell."""
-    lonely = np.flatnonzero(texels.valid & (texels.area <= 0))
-    names, first = np.unique(_cell_keys(texels, taking, width), return_index=True)
-    if not len(names) or not len(lonely):
-        return
-    keys = _cell_keys(texels, lonely, width)
-    place = np.minimum(np.searchsorted(names, keys), len(names) - 1)
-    found = names[place] == keys
-    of_element[lonely[found]] = of_element[taking[first[place[found]]]]
+def _join_lonely(of_element: Int32, texels: Texels) -> None:
+    """Give valid texels without area of their own, beside charts, the patch of the texel next to them."""
+    lonely = np.flatnonzero(texels.valid & (of_element[: texels.count] < 0))
+    known = of_element[: texels.count].copy()
+    last = len(texels.texel_at) - 1
+    size = texels.size
+    for step in (1, -1, size, -size, size + 1, size - 1, 1 - size, -1 - size):
+        beside = texels.texel_at[np.clip(texels.pixel[lonely] + step, 0, last)]
+        found = np.where(beside >= 0, known[beside], NOTHING)
+        of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
 
 
 def _strata_lists(texels: Texels, members: Int64, owners: Int64, count: int) -> tuple[Int64, Int32]:

@@ -26,6 +26,12 @@ SAMPLE_CHUNK = 1 << 19
 PIECE = 4.0
 """Chart borders are cut into pieces of at most this many texels before they are widened."""
 
+EDGE_MARGIN = 1e-5
+"""Least barycentric weight of a stratum: a point on an edge may lie in the plane of a wall, and see past it."""
+
+KEPT_INSIDE = np.float32(0.95)
+"""Offsets within a stratum that end on an edge of the triangle are shortened to this share."""
+
 INSET = 0.05
 """Texels beside a chart stand this far inside its border, in texels: an edge shared with a wall is neither side."""
 
@@ -85,6 +91,7 @@ class Texels:
         triangle = self.triangle.reshape(-1)[flat]
         weights = self.barycentric.reshape(-1, 2)[flat]
         turn = sample >> 2
+        turn = np.where(self.covered[texels] > 0, turn, 0)
         if turn.any():
             weights = self._shifted(weights, triangle, turn)
         return interpolate(self.surfaces.corners, triangle, weights), triangle
@@ -106,7 +113,8 @@ class Texels:
         u = np.maximum(weights[:, 0] + (x * yv - y * xv) / determinant, 0)
         v = np.maximum(weights[:, 1] + (y * xu - x * yu) / determinant, 0)
         over = np.maximum(u + v, 1)
-        return np.stack([u / over, v / over], axis=1).astype(np.float32)
+        moved = np.stack([u / over, v / over], axis=1)
+        return (weights + KEPT_INSIDE * (moved - weights)).astype(np.float32)
 
     def at(self, triangle: Int32, u: Float32, v: Float32) -> Int32:
         """The texel (R,) at barycentrics u, v of triangles (R,); -1 where the page has none."""
@@ -334,7 +342,8 @@ class _ScanLines:
         b, c, determinant = self._b[triangle], self._c[triangle], self._determinant[triangle]
         u = (x * c[:, 1] - y * c[:, 0]) / determinant
         v = (y * b[:, 0] - x * b[:, 1]) / determinant
-        return np.clip(np.stack([u, v], axis=1), 0, 1).astype(np.float32)
+        weights = np.clip(np.stack([u, v], axis=1), 0, 1)
+        return (weights * (1 - 3 * EDGE_MARGIN) + EDGE_MARGIN).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
