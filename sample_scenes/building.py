@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the scene scripts share: an empty file, objects from points and faces, plain materials, saving."""
+"""What the scene scripts share: an empty file, plain materials, solids from a few numbers, saving."""
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
@@ -14,6 +15,12 @@ import bpy
 
 Point = tuple[float, float, float]
 RGB = tuple[float, float, float]
+Span = tuple[float, float]
+Shape = tuple[list[Point], list[tuple[int, ...]]]
+"""Points, m, and faces, anticlockwise from outside."""
+
+BOX_FACES = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+"""Of two rings of four corners, the lower one first."""
 
 
 def empty_scene() -> bpy.types.Scene:
@@ -87,6 +94,128 @@ def mesh_object(
         mesh.materials.append(each)
     mesh.update()
     return put(name, mesh, location, **attributes)
+
+
+def smooth(made: bpy.types.Object, degrees: float = 40.0) -> bpy.types.Object:
+    """Shade smooth, but for edges sharper than the angle."""
+    made.data.shade_smooth()
+    made.data.set_sharp_from_angle(angle=math.radians(degrees))
+    return made
+
+
+def box_shape(low: Point, high: Point) -> Shape:
+    """A box by two opposite corners."""
+    ring = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    return [(x, y, z) for z in (low[2], high[2]) for x, y in ring], list(BOX_FACES)
+
+
+def joined(shapes: Sequence[Shape]) -> Shape:
+    """Several shapes as one; they stay parted."""
+    points: list[Point] = []
+    faces: list[tuple[int, ...]] = []
+    for more, sides in shapes:
+        faces += [tuple(len(points) + corner for corner in side) for side in sides]
+        points += more
+    return points, faces
+
+
+def box(
+    name: str,
+    size: Point,
+    paint: bpy.types.Material,
+    location: Point = (0, 0, 0),
+    bevel: float = 0.0,
+    subdivision: int = 0,
+    **attributes: object,
+) -> bpy.types.Object:
+    """A box centred in x and y on its location, standing on it; edges rounded and smoothed by modifiers."""
+    half_x, half_y = size[0] / 2, size[1] / 2
+    made = mesh_object(
+        name, *box_shape((-half_x, -half_y, 0.0), (half_x, half_y, size[2])), paint, location, **attributes
+    )
+    if bevel:
+        rounded = made.modifiers.new("Bevel", "BEVEL")
+        rounded.width, rounded.segments = bevel, 2
+        made.data.shade_smooth()
+    if subdivision:
+        finer = made.modifiers.new("Subdivision", "SUBSURF")
+        finer.levels = finer.render_levels = subdivision
+    return made
+
+
+def lathe(profile: Sequence[Span], segments: int, ring: bool = False) -> Shape:
+    """A solid turned about z from (radius, z), m, bottom to top on the outside.
+
+    The profile starts and ends on the axis (radius 0), or is a closed loop that never meets it (`ring`).
+    """
+    points: list[Point] = []
+    rows: list[list[int]] = []
+    for radius, z in profile:
+        count = segments if radius > 0 else 1
+        angles = [2 * math.pi * step / segments for step in range(count)]
+        rows.append([len(points) + (step if count > 1 else 0) for step in range(segments)])
+        points += [(radius * math.cos(angle), radius * math.sin(angle), z) for angle in angles]
+    faces = []
+    for lower, upper in zip(rows, rows[1:] + rows[:1] if ring else rows[1:], strict=False):
+        for step in range(segments):
+            after = (step + 1) % segments
+            corners = (lower[step], lower[after], upper[after], upper[step])
+            faces.append(tuple(dict.fromkeys(corners)))  # a quad at the axis is a triangle
+    return points, faces
+
+
+def lattice(xs: Sequence[float], zs: Sequence[float], depth: float, filled: Callable[[int, int], bool]) -> Shape:
+    """A closed solid of the filled cells of a grid in x and z, from y = 0 to y = depth: frames, shelves."""
+    numbers: dict[tuple[int, int, int], int] = {}
+    faces: list[tuple[int, ...]] = []
+
+    def corner(column: int, row: int, layer: int) -> int:
+        return numbers.setdefault((column, row, layer), len(numbers))
+
+    def solid(column: int, row: int) -> bool:
+        return 0 <= column < len(xs) - 1 and 0 <= row < len(zs) - 1 and filled(column, row)
+
+    for column in range(len(xs) - 1):
+        for row in range(len(zs) - 1):
+            if not solid(column, row):
+                continue
+            ring = [(column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1)]
+            faces.append(tuple(corner(*place, 0) for place in ring))
+            faces.append(tuple(corner(*place, 1) for place in reversed(ring)))
+            neighbours = [(column, row - 1), (column + 1, row), (column, row + 1), (column - 1, row)]
+            for side, neighbour in enumerate(neighbours):
+                if not solid(*neighbour):
+                    here, there = ring[side], ring[(side + 1) % 4]
+                    faces.append((corner(*here, 0), corner(*here, 1), corner(*there, 1), corner(*there, 0)))
+    return [(xs[column], layer * depth, zs[row]) for column, row, layer in numbers], faces
+
+
+def room(size: Point, wall: float, window: tuple[Span, Span]) -> Shape:
+    """A room with one window as a closed solid, m: inside from 0 to `size`, walls all round.
+
+    The window, given in x and z, goes through the wall at y = size[1]. The first six faces are the outer end, the inner
+    end at y = 0, and the inner floor, right wall (x = size[0]), ceiling and left wall.
+    """
+
+    def rectangle(x: Span, z: Span, y: float) -> list[Point]:
+        return [(x[0], y, z[0]), (x[1], y, z[0]), (x[1], y, z[1]), (x[0], y, z[1])]
+
+    inside = (0.0, size[0]), (0.0, size[2])
+    outside = (-wall, size[0] + wall), (-wall, size[2] + wall)
+    corners = [
+        *rectangle(*inside, 0.0),
+        *rectangle(*inside, size[1]),
+        *rectangle(*window, size[1]),
+        *rectangle(*window, size[1] + wall),
+        *rectangle(*outside, size[1] + wall),
+        *rectangle(*outside, -wall),
+    ]
+    faces: list[tuple[int, ...]] = [(20, 21, 22, 23), (3, 2, 1, 0)]
+    for first in range(0, 20, 4):  # from each rectangle to the next: a tube that turns inside out at the window
+        for side in range(4):
+            after = (side + 1) % 4
+            faces.append((first + side, first + after, first + 4 + after, first + 4 + side))
+    return corners, faces
 
 
 def write_when_run(build: Callable[[], object], script: str) -> None:

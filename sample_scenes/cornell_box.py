@@ -25,7 +25,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from building import diffuse, empty_scene, mesh_object, put, sky, write_when_run
+from building import BOX_FACES, diffuse, empty_scene, mesh_object, put, sky, write_when_run
 
 WAVELENGTHS = np.arange(400.0, 701.0, 4.0)
 """nm"""
@@ -100,9 +100,6 @@ def block(height: float, outline: list[tuple[float, float]]) -> list[tuple[float
     return [placed(x, y, z) for y in (0, height) for x, z in outline]
 
 
-BLOCK_FACES = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
-
-
 def build() -> bpy.types.Scene:
     """Make the scene in Blender."""
     scene = empty_scene()
@@ -119,7 +116,7 @@ def build() -> bpy.types.Scene:
     ):
         mesh_object(name, [placed(*corner) for corner in corners], [(0, 1, 2, 3)], paint)
     for name, shape in (("Short Block", SHORT_BLOCK), ("Tall Block", TALL_BLOCK)):
-        mesh_object(name, block(*shape), BLOCK_FACES, white)
+        mesh_object(name, block(*shape), BOX_FACES, white)
 
     (left, right), (front, back) = LIGHT
     lamp = bpy.data.lights.new("Lamp", "AREA")
