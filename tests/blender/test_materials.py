@@ -1,0 +1,324 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shader trees of known answers, and Cycles as the judge of glossy layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+import pytest
+
+from radiosity_addon.blender.materials import MAX_REFLECTANCE, read_material
+from radiosity_addon.blender.nodes import LinkCycle
+from radiosity_addon.errors import SceneError
+from radiosity_addon.scene import Material
+
+GREY = (0.5, 0.5, 0.5)
+
+
+class Tree:
+    """A material made node by node."""
+
+    def __init__(self, name: str = "Material") -> None:
+        self.material = bpy.data.materials.new(name)
+        if bpy.app.version < (5, 0):
+            self.material.use_nodes = True
+        self.tree = self.material.node_tree
+        self.tree.nodes.clear()
+        self.warnings: list[str] = []
+
+    def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:
+        node = self.tree.nodes.new(f"ShaderNode{kind}")
+        for name, value in inputs.items():
+            socket = node.inputs[name.replace("_", " ")]
+            socket.default_value = (*value, 1) if isinstance(value, tuple) else value
+        return node
+
+    def link(self, source: bpy.types.Node, target: bpy.types.Node, name: str | int, output: str | int = 0) -> None:
+        self.tree.links.new(source.outputs[output], target.inputs[name])
+
+    def show(self, shader: bpy.types.Node, target: str = "ALL") -> bpy.types.Node:
+        output = self.node("OutputMaterial")
+        output.target = target
+        self.link(shader, output, "Surface")
+        return output
+
+    def read(self) -> Material:
+        return read_material(self.material, 0, self.warnings.append)
+
+
+def rgb(*values: float) -> object:
+    return pytest.approx(values, rel=1e-5)
+
+
+def test_a_diffuse_shader_reflects_its_colour():
+    tree = Tree()
+    tree.show(tree.node("BsdfDiffuse", Color=(0.1, 0.2, 0.3)))
+    assert tree.read().reflectance == rgb(0.1, 0.2, 0.3)
+    assert tree.warnings == []
+
+
+def test_an_emission_shader_emits_colour_times_strength_and_reflects_nothing():
+    tree = Tree()
+    tree.show(tree.node("Emission", Color=(1, 0.5, 0), Strength=3.0))
+    material = tree.read()
+    assert material.emission == rgb(3, 1.5, 0)
+    assert material.reflectance == (0, 0, 0)
+
+
+def test_a_principled_without_specular_is_its_base_colour():
+    tree = Tree()
+    tree.show(tree.node("BsdfPrincipled", Base_Color=(0.1, 0.2, 0.3), Specular_IOR_Level=0.0, Roughness=1.0))
+    assert tree.read().reflectance == pytest.approx((0.1, 0.2, 0.3), abs=0.02)  # grazing Fresnel stays
+
+
+def test_a_principled_emits_its_emission_colour_times_strength():
+    tree = Tree()
+    tree.show(tree.node("BsdfPrincipled", Emission_Color=(1, 0, 0.5), Emission_Strength=4.0))
+    assert tree.read().emission == rgb(4, 0, 2)
+
+
+def test_a_default_principled_reflects_a_little_more_than_its_base_and_never_all():
+    for base in (0.0, 0.5, 1.0):
+        tree = Tree()
+        tree.show(tree.node("BsdfPrincipled", Base_Color=(base,) * 3))
+        reflectance = tree.read().reflectance[0]
+        assert reflectance == pytest.approx(0.06 + 0.94 * base, abs=0.002)
+
+
+def test_a_metal_keeps_its_colour_as_glossy_reflectance():
+    tree = Tree()
+    tree.show(tree.node("BsdfPrincipled", Base_Color=(0.9, 0.6, 0.3), Metallic=1.0, Roughness=0.2))
+    red, green, blue = tree.read().reflectance
+    assert red == pytest.approx(0.9, abs=0.02)
+    assert red > green > blue > 0.3
+
+
+def test_mix_and_add_weigh_what_they_join():
+    tree = Tree()
+    dark, light = tree.node("BsdfDiffuse", Color=(0, 0, 0)), tree.node("BsdfDiffuse", Color=(0.8, 0.4, 0))
+    lamp = tree.node("Emission", Color=(1, 1, 1), Strength=8.0)
+    mix, add = tree.node("MixShader"), tree.node("AddShader")
+    mix.inputs[0].default_value = 0.25
+    tree.link(dark, mix, 1)
+    tree.link(light, mix, 2)
+    tree.link(mix, add, 0)
+    tree.link(lamp, add, 1)
+    tree.show(add)
+    material = tree.read()
+    assert material.reflectance == rgb(0.2, 0.1, 0)
+    assert material.emission == rgb(8, 8, 8)
+
+
+def test_a_mix_by_is_camera_ray_shows_what_light_meets():
+    tree = Tree()
+    mix = tree.node("MixShader")
+    tree.link(tree.node("LightPath"), mix, 0, "Is Camera Ray")
+    tree.link(tree.node("BsdfDiffuse", Color=GREY), mix, 1)
+    tree.link(tree.node("Emission"), mix, 2)
+    tree.show(mix)
+    assert tree.read() == Material("Material", GREY)
+
+
+def test_constants_are_followed_through_reroutes_and_colour_nodes():
+    tree = Tree()
+    colour = tree.node("RGB")
+    colour.outputs[0].default_value = (0.3, 0.2, 0.1, 1)
+    reroute = tree.tree.nodes.new("NodeReroute")
+    diffuse = tree.node("BsdfDiffuse")
+    tree.link(colour, reroute, 0)
+    tree.link(reroute, diffuse, "Color")
+    tree.show(diffuse)
+    assert tree.read().reflectance == rgb(0.3, 0.2, 0.1)
+    assert tree.warnings == []
+
+
+def test_a_group_hands_its_inputs_in_and_its_shader_out():
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    inside, diffuse, out = (
+        group.nodes.new(kind) for kind in ("NodeGroupInput", "ShaderNodeBsdfDiffuse", "NodeGroupOutput")
+    )
+    group.links.new(inside.outputs[0], diffuse.inputs["Color"])
+    group.links.new(diffuse.outputs[0], out.inputs[0])
+    tree = Tree()
+    user = tree.node("Group")
+    user.node_tree = group
+    user.inputs["Tint"].default_value = (0.1, 0.6, 0.2, 1)
+    tree.show(user)
+    assert tree.read().reflectance == rgb(0.1, 0.6, 0.2)
+    colour = tree.node("RGB")
+    colour.outputs[0].default_value = (0.7, 0.1, 0.2, 1)
+    tree.link(colour, user, "Tint")
+    assert tree.read().reflectance == rgb(0.7, 0.1, 0.2)
+
+
+def test_a_muted_node_passes_its_first_shader_on():
+    tree = Tree()
+    mix = tree.node("MixShader")
+    tree.link(tree.node("BsdfDiffuse", Color=GREY), mix, 1)
+    tree.link(tree.node("Emission"), mix, 2)
+    tree.show(mix)
+    mix.mute = True
+    bpy.context.view_layer.update()
+    assert tree.read() == Material("Material", GREY)
+
+
+def test_a_muted_link_is_no_link():
+    tree = Tree()
+    output = tree.show(tree.node("BsdfDiffuse"))
+    output.inputs["Surface"].links[0].is_muted = True
+    assert tree.read().reflectance == (0, 0, 0)
+
+
+def test_the_output_is_the_one_that_cycles_takes():
+    tree = Tree()
+    tree.show(tree.node("BsdfDiffuse", Color=(1, 0, 0)), "EEVEE")
+    tree.show(tree.node("BsdfDiffuse", Color=GREY), "CYCLES")
+    assert tree.read().reflectance == rgb(*GREY)
+
+
+def test_a_tree_without_output_or_surface_is_black():
+    tree = Tree()
+    assert tree.read() == Material("Material", (0, 0, 0))
+    tree.node("OutputMaterial")
+    assert tree.read() == Material("Material", (0, 0, 0))
+
+
+def test_no_material_is_cycles_default_surface():
+    assert read_material(None, 3, print) == Material("", (0.8, 0.8, 0.8))
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="from 5.0 every material has a node tree")
+def test_a_material_without_nodes_is_its_viewport_colour():
+    material = bpy.data.materials.new("plain")
+    material.use_nodes = False
+    material.diffuse_color = (0.1, 0.2, 0.3, 1)
+    assert read_material(material, 0, print).reflectance == rgb(0.1, 0.2, 0.3)
+
+
+def test_an_image_gives_its_mean_linear_colour_with_a_warning():
+    image = bpy.data.images.new("half", 2, 1)  # bytes, sRGB
+    image.pixels.foreach_set(np.array([0, 0, 0, 1, 1, 1, 1, 1], np.float32))
+    tree = Tree()
+    texture, diffuse = tree.node("TexImage"), tree.node("BsdfDiffuse")
+    texture.image = image
+    tree.link(texture, diffuse, "Color")
+    tree.show(diffuse)
+    assert tree.read().reflectance == rgb(0.5, 0.5, 0.5)
+    assert "mean of image 'half'" in tree.warnings[0]
+
+
+def test_an_image_encoded_as_srgb_is_decoded_before_its_mean():
+    image = bpy.data.images.new("flat", 1, 1)
+    image.pixels.foreach_set(np.array([0.5, 0.5, 0.5, 1], np.float32))
+    tree = Tree()
+    texture, diffuse = tree.node("TexImage"), tree.node("BsdfDiffuse")
+    texture.image = image
+    tree.link(texture, diffuse, "Color")
+    tree.show(diffuse)
+    assert tree.read().reflectance[0] == pytest.approx(0.214, abs=0.003)
+
+
+@pytest.mark.parametrize("kind", ["TexNoise", "TexImage"])
+def test_what_can_not_be_read_leaves_the_sockets_own_value_with_a_warning(kind):
+    tree = Tree()
+    diffuse = tree.node("BsdfDiffuse", Color=GREY)
+    tree.link(tree.node(kind), diffuse, "Color")
+    tree.show(diffuse)
+    assert tree.read().reflectance == rgb(*GREY)
+    assert "own value 0.5 is taken" in tree.warnings[0]
+
+
+def test_an_unknown_shader_is_grey_with_a_warning():
+    tree = Tree()
+    tree.show(tree.node("BsdfTranslucent"))
+    assert tree.read().reflectance == (0.8, 0.8, 0.8)
+    assert len(tree.warnings) == 1
+
+
+def test_reflectance_of_one_or_more_is_clamped_with_a_warning():
+    tree = Tree()
+    tree.show(tree.node("BsdfDiffuse", Color=(2, 1, 0.5)))
+    assert tree.read().reflectance == rgb(MAX_REFLECTANCE, MAX_REFLECTANCE, 0.5)
+    assert "limited" in tree.warnings[0]
+
+
+def test_emission_that_is_not_finite_is_an_error_that_names_the_material():
+    tree = Tree("glow")
+    tree.show(tree.node("Emission", Strength=float("nan")))
+    with pytest.raises(SceneError, match="'glow': its emission is not a finite number"):
+        tree.read()
+
+
+def test_a_tree_that_feeds_back_is_told_from_a_deep_one():
+    tree = Tree()
+    shader = tree.node("BsdfDiffuse", Color=GREY)
+    for _ in range(150):
+        add = tree.node("AddShader")
+        tree.link(shader, add, 0)
+        shader = add
+    tree.show(shader)
+    assert tree.read().reflectance == rgb(*GREY)
+    tree.link(shader, tree.tree.nodes["Add Shader"], 1)
+    with pytest.raises(LinkCycle):
+        tree.read()
+
+
+# Cycles as judge
+
+
+def cycles_furnace(make: Callable[[Tree], None]) -> float:
+    """Radiance that meets the wall of a closed sphere whose wall emits 1: about 1 / (1 - reflectance)."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_adaptive_sampling = 64, False
+    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 64
+    scene.cycles.sample_clamp_indirect = scene.cycles.blur_glossy = 0
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48)
+    wall = Tree("wall")
+    make(wall)
+    bpy.context.object.data.materials.append(wall.material)
+    size = 1e-3
+    mesh = bpy.data.meshes.new("probe")
+    mesh.from_pydata([(-size, -size, 0), (size, -size, 0), (size, size, 0), (-size, size, 0)], [], [(0, 1, 2, 3)])
+    mesh.uv_layers.new().data.foreach_set("uv", [0, 0, 1, 0, 1, 1, 0, 1])
+    surface = Tree("probe")
+    surface.show(surface.node("BsdfDiffuse"))
+    target = surface.node("TexImage")
+    target.image = bpy.data.images.new("probe", 8, 8, float_buffer=True, is_data=True)
+    surface.tree.nodes.active = target
+    mesh.materials.append(surface.material)
+    probe = bpy.data.objects.new("probe", mesh)
+    scene.collection.objects.link(probe)
+    probe.location = (0, 0, -0.985)
+    bpy.ops.object.select_all(action="DESELECT")
+    probe.select_set(True)
+    bpy.context.view_layer.objects.active = probe
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=0)
+    pixels = np.empty(8 * 8 * 4, np.float32)
+    target.image.pixels.foreach_get(pixels)
+    return float(pixels.reshape(-1, 4)[:, :3].mean())
+
+
+@pytest.mark.parametrize(
+    "inputs",
+    [
+        {"Base_Color": GREY},
+        {"Base_Color": (0, 0, 0), "Roughness": 0.3, "IOR": 2.0},
+        {"Base_Color": (0, 0, 0), "Specular_IOR_Level": 1.0, "Specular_Tint": (0.3, 0.3, 0.3)},
+        {"Base_Color": GREY, "Metallic": 1.0, "Roughness": 1.0},
+        {"Base_Color": GREY, "Metallic": 0.5, "Roughness": 0.4},
+    ],
+)
+def test_a_principleds_reflectance_is_what_cycles_returns_in_a_furnace(inputs):
+    """The probe sees no grazing angles beyond 80 degrees, hence a hundredth of slack."""
+
+    def wall(tree: Tree) -> None:
+        tree.show(tree.node("BsdfPrincipled", Emission_Color=(1, 1, 1), Emission_Strength=1.0, **inputs))
+
+    record = Tree("read")
+    wall(record)
+    assert 1 - 1 / cycles_furnace(wall) == pytest.approx(record.read().reflectance[0], abs=0.01)
