@@ -28,10 +28,7 @@ class Rays(BakeSettings):
 
 
 class Facets:
-    """Parallelograms (or, folded, triangles) that stand in for Patches: one patch each, front side only.
-
-    `merged` (N,) may give several facets of equal area to one patch.
-    """
+    """Parallelograms (or, folded, triangles) that stand in for Patches: one patch each, front side only."""
 
     def __init__(self, origin, edge_u, edge_v, triangular=False, reflectance=0.5, emission=0.0) -> None:
         self.origin, self.edge_u, self.edge_v = (np.asarray(x, np.float32) for x in (origin, edge_u, edge_v))
@@ -67,8 +64,11 @@ class Facets:
         patch = hits.triangle if self.triangular else hits.triangle >> 1
         return np.where(hits.triangle < 0, -1, np.where(hits.front, patch, -2)).astype(np.int32)
 
+    def settings(self, rays: int = 128, workers: int = 1) -> BakeSettings:
+        return Rays(patch_rays=rays, threads=workers)
+
     def transport(self, rays: int = 128, workers: int = 1) -> Transport:
-        return finish(trace_transport(self, Visibility(self.corners()), Rays(patch_rays=rays, threads=workers)))
+        return finish(trace_transport(self, Visibility(self.corners()), self.settings(rays, workers)))
 
 
 def rectangle(origin, edge_u, edge_v, across: int = 1, along: int | None = None) -> tuple[np.ndarray, ...]:

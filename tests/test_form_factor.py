@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The traced transport: closed forms first, then what holds for every scene."""
+
+import numpy as np
+import pytest
+
+from radiosity_addon import form_factor
+from radiosity_addon.chunks import finish
+from radiosity_addon.form_factor import Transport, join_hits, ray_counts
+from radiosity_addon.patches import NOTHING, SKY
+from radiosity_addon.sampling import cosine_directions, even_uniform
+from radiosity_addon.visibility import Visibility
+from tests.rooms import Facets, box, joined, rectangle, sphere
+
+MANY = 16384
+
+
+def between(transport: Transport, senders: slice, receivers: slice) -> float:
+    """Form factor between two sets of patches."""
+    return transport.dense()[senders, receivers].sum() / transport.area[senders].sum()
+
+
+@pytest.mark.parametrize(
+    "width, depth, height, expected", [(1, 1, 1, 0.1998249), (2, 2, 1, 0.4152533), (1, 1.5, 0.5, 0.4755764)]
+)
+def test_parallel_rectangles(width, depth, height, expected):
+    floor = rectangle((0, 0, 0), (width, 0, 0), (0, depth, 0))
+    ceiling = rectangle((0, 0, height), (0, depth, 0), (width, 0, 0))
+    transport = Facets(*joined(floor, ceiling)).transport(MANY)
+    assert between(transport, slice(0, 1), slice(1, 2)) == pytest.approx(expected, rel=0.005)
+
+
+@pytest.mark.parametrize("width, height, length, expected", [(1, 1, 1, 0.2000438), (2, 1, 1, 0.1164263)])
+def test_perpendicular_rectangles_with_a_common_edge(width, height, length, expected):
+    floor = rectangle((0, 0, 0), (width, 0, 0), (0, length, 0))
+    wall = rectangle((0, 0, 0), (0, length, 0), (0, 0, height))
+    transport = Facets(*joined(floor, wall)).transport(MANY)
+    assert between(transport, slice(0, 1), slice(1, 2)) == pytest.approx(expected, rel=0.01)
+
+
+def test_coaxial_discs():
+    """Discs as 128-gons of the same area, cut into triangles like a cake."""
+    sides, angle = 128, 2 * np.pi / 128
+    radius = np.sqrt(2 * np.pi / (sides * np.sin(angle)))
+    turn = np.arange(sides) * angle
+    here, there = (radius * np.stack([np.cos(t), np.sin(t), 0 * t], 1) for t in (turn, turn + angle))
+    low = np.zeros((sides, 3)), here, there
+    high = np.tile([0.0, 0.0, 1.0], (sides, 1)), there, here
+    transport = Facets(*joined(low, high), triangular=True).transport(4096)
+    assert between(transport, slice(0, sides), slice(sides, None)) == pytest.approx(0.3819660, rel=0.005)
+
+
+@pytest.mark.parametrize("place, expected", [((0.5, 0.5), 0.2394565), ((0, 0), 0.1385316)])
+def test_small_patch_under_a_square(place, expected):
+    small = rectangle((place[0] - 0.005, place[1] - 0.005, 0), (0.01, 0, 0), (0, 0.01, 0))
+    square = rectangle((0, 0, 1), (0, 1, 0), (1, 0, 0))
+    transport = Facets(*joined(small, square)).transport(40000)  # a quarter of them for the small one
+    assert between(transport, slice(0, 1), slice(1, 2)) == pytest.approx(expected, rel=0.01)
+
+
+def test_floor_of_a_box_sees_walls_by_their_closed_forms():
+    """2 x 1 x 1 m: ceiling 0.2858, long walls 0.2406 each, end walls 0.1164263 each; together 1."""
+    transport = box((2, 1, 1)).transport(MANY)
+    row = transport.dense()[0] / transport.area[0]
+    assert row.sum() == pytest.approx(1, abs=1e-6)
+    assert row[2:4] == pytest.approx([0.1164263, 0.1164263], rel=0.01)
+    assert row[0] == 0
+
+
+def test_error_falls_faster_than_the_root_of_the_rays():
+    """Sobol points: 64 times the rays, where plain random ones would err 8 times less; mean of 16 cut squares."""
+
+    def error(rays: int) -> float:
+        floor = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), 4)
+        ceiling = rectangle((0, 0, 1), (0, 1, 0), (1, 0, 0), 4)
+        transport = Facets(*joined(floor, ceiling)).transport(rays)
+        return float(np.sqrt(np.mean((transport.escaped - exact) ** 2)))
+
+    floor = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), 4)
+    ceiling = rectangle((0, 0, 1), (0, 1, 0), (1, 0, 0), 4)
+    exact = Facets(*joined(floor, ceiling)).transport(60000).escaped
+    assert error(2048) < error(32) / 8
+
+
+def test_exchange_is_reciprocal_to_the_last_bit():
+    matrix = box((3, 2, 1), 4).transport(64).dense()
+    assert np.array_equal(matrix, matrix.T)
+    assert matrix.any()
+
+
+def test_sampled_rows_are_reciprocal_within_three_sigma():
+    room = box((3, 2, 1), 2)
+    rays, count = 4096, room.count
+    ids, sample = np.repeat(np.arange(count), rays), np.tile(np.arange(rays), count)
+    origins, about = room.origins(ids, sample)
+    directions = cosine_directions(about, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
+    target = room.at(Visibility(room.corners()).first_hit(origins, directions))
+    share = np.bincount(ids * count + target, minlength=count * count).reshape(count, count) / rays
+    exchange = room.area[:, None] * share
+    sigma = room.area[:, None] * np.sqrt(share * (1 - share) / rays)
+    difference = np.abs(exchange - exchange.T)
+    assert (difference <= 3 * np.sqrt(sigma**2 + sigma.T**2) + 1e-12).all()
+
+
+def test_rows_of_a_closed_room_sum_to_one():
+    for room in (box((3, 2, 1), 6), sphere(6)):
+        assert np.abs(room.transport(64).escaped).max() < 1e-6
+
+
+def test_rows_of_an_open_scene_never_exceed_one():
+    """A box without a ceiling, and a plate that hardly sees anything."""
+    room = box((1, 1, 1), 4)
+    walls = np.r_[0:16, 32:96]
+    transport = Facets(room.origin[walls], room.edge_u[walls], room.edge_v[walls]).transport(32)
+    assert transport.escaped.min() > -1e-6
+    assert transport.escaped.max() > 0.1
+
+
+def test_plates_whose_own_estimates_disagree_are_balanced():
+    """The small plate sees 30 % and the large one's rays say 25 %: what escapes gives way in both."""
+    area = np.array([1.0, 1.0])
+    target = np.int32([1] * 30 + [SKY] * 70 + [0] * 25 + [SKY] * 75)
+    transport = finish(join_hits(area, np.array([100, 100]), target, 1))
+    kept = transport.dense().sum(1)
+    assert kept[0] == pytest.approx(kept[1], rel=1e-6)
+    assert 0.25 < kept[0] < 0.30
+    assert kept + transport.escaped == pytest.approx([1, 1], abs=1e-12)
+
+
+def test_rows_that_no_scaling_can_close_make_no_light():
+    """A large patch that sees only a small one, and loses nothing: impossible, but rays may say so."""
+    area = np.array([10.0, 1.0])
+    transport = finish(join_hits(area, np.array([2, 2]), np.int32([1, 1, 0, 0]), 1))
+    assert (transport.dense().sum(1) <= area * (1 + 1e-6)).all()
+    assert np.isfinite(transport.exchange).all()
+
+
+def test_both_estimates_of_a_pair_are_joined_by_their_rays():
+    """c01 + c10 = 2 + 2 hits over n0 / A0 + n1 / A1 = 4 + 4 rays a square metre, and half of all rays escape."""
+    target = np.int32([1, SKY, 1, SKY, 0, 0, SKY, SKY])
+    transport = finish(join_hits(np.ones(2), np.array([4, 4]), target, 1))
+    assert transport.dense() == pytest.approx(np.array([[0, 0.5], [0.5, 0]]))
+    assert transport.escaped == pytest.approx([0.5, 0.5])
+    assert list(transport.rays) == [4, 4]
+
+
+def test_rays_that_meet_nothing_do_not_count():
+    plain = np.int32([1, SKY, 0, SKY])
+    mixed = np.int32([NOTHING, 1, SKY, NOTHING, 0, SKY])
+    expected = finish(join_hits(np.ones(2), np.array([2, 2]), plain, 1))
+    transport = finish(join_hits(np.ones(2), np.array([4, 2]), mixed, 1))
+    assert np.array_equal(transport.dense(), expected.dense())
+    assert np.array_equal(transport.escaped, expected.escaped)
+    assert list(transport.rays) == [2, 2]
+
+
+def test_a_buried_patch_keeps_its_light():
+    target = np.int32([NOTHING] * 4 + [2] * 4 + [1] * 4)
+    transport = finish(join_hits(np.ones(3), np.array([4, 4, 4]), target, 1))
+    assert transport.dense()[0].sum() == 0
+    assert transport.escaped == pytest.approx([1, 0, 0], abs=1e-6)
+
+
+def test_a_scene_without_patches_has_an_empty_transport():
+    transport = finish(join_hits(np.zeros(0), np.zeros(0, np.int64), np.zeros(0, np.int32), 2))
+    assert transport.count == 0
+    assert transport.gather(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_joining_in_blocks_changes_nothing(monkeypatch):
+    room = box((3, 2, 1), 6)
+    whole = room.transport(64)
+    monkeypatch.setattr(form_factor, "MERGED_HITS", 1000)
+    monkeypatch.setattr(form_factor, "BLOCK_ENTRIES", 50)
+    monkeypatch.setattr(form_factor, "SUMMED_ENTRIES", 500)
+    blocks = room.transport(64)
+    assert np.array_equal(blocks.column, whole.column)
+    assert np.array_equal(blocks.exchange, whole.exchange)
+
+
+def test_transport_is_the_same_for_any_number_of_threads():
+    room = box((3, 2, 1), 8)
+    one, two = room.transport(256, workers=1), room.transport(256, workers=2)
+    for name in ("first", "column", "exchange", "escaped", "rays"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+
+
+def test_tracing_reports_rising_shares():
+    room = box((3, 2, 1), 8)
+    steps = form_factor.trace_transport(room, Visibility(room.corners()), room.settings(256, 1))
+    shares = list(steps)
+    assert shares == sorted(shares)
+    assert len(shares) > 4
+    assert 0 < shares[0] < shares[-1] <= 1
+
+
+def test_gather_multiplies_by_the_whole_matrix():
+    transport = box((3, 2, 1), 4).transport(64)
+    radiosity = np.random.default_rng(1).random((transport.count, 6))
+    assert transport.gather(radiosity) == pytest.approx(transport.dense() @ radiosity, rel=1e-12)
+
+
+def test_gather_passes_over_patches_that_see_nothing():
+    transport = Transport(
+        np.ones(3), np.array([0, 0, 1, 1]), np.int32([1]), np.float32([0.5]), np.zeros(3), np.ones(3, int)
+    )
+    assert np.array_equal(transport.gather(np.ones((3, 1))), [[0], [0.5], [0]])
+
+
+@pytest.mark.parametrize("senders", [[5], [3, 40, 41], list(range(96))])
+def test_scatter_sends_what_the_chosen_rows_leave(senders):
+    transport = box((3, 2, 1), 4).transport(64)
+    rows = np.array(senders)
+    radiosity = np.random.default_rng(2).random((len(rows), 3))
+    expected = transport.dense()[:, rows] @ radiosity
+    assert transport.scatter(rows, radiosity) == pytest.approx(expected, rel=1e-12)
+
+
+def test_rays_grow_with_the_root_of_the_area_within_bounds():
+    rays = ray_counts(np.array([1.0] * 1000 + [4.0, 1e-6, 400.0]), 128)
+    assert rays[1000] == pytest.approx(2 * rays[0], abs=1)
+    assert rays[1001] == 32
+    assert rays[1002] == 512
