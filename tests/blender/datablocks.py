@@ -3,19 +3,22 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import bpy
 import numpy as np
 
 SKIPPED = {
-    "rna_type", "bl_rna", "session_uid", "is_updated", "is_updated_data", "is_runtime_data", "original", "is_evaluated",
-    "window_managers", "screens", "workspaces", "libraries", "filepath", "is_dirty", "is_saved", "brushes", "palettes",
-    "texts", "loop_triangles", "loop_triangle_polygons", "preview", "bind_point", "file_format", "version", "use_autopack",
-    "depsgraph", "active_shape_key_index_legacy", "id_data", "fonts", "linestyles", "frame_duration", "pixels", "hierarchy",
-    "all_ids", "storage_type", "use_nodes", "screens", "workspaces",
+    "rna_type", "bl_rna", "session_uid", "id_data", "original", "is_evaluated", "is_updated", "is_updated_data",
+    "is_runtime_data", "is_dirty", "is_saved", "use_autopack", "version", "filepath", "file_format", "bind_point",
+    "frame_duration", "pixels", "preview", "depsgraph", "hierarchy", "storage_type", "use_nodes", "all_ids",
+    "loop_triangles", "loop_triangle_polygons", "window_managers", "workspaces", "screens", "libraries", "brushes",
+    "palettes", "texts", "fonts", "linestyles",
 }  # fmt: skip
 """What changes by itself, belongs to the window, or is derived."""
+UV_LEGACY = {"data", "vertex_selection", "edge_selection", "pin"}
+"""Of a uv map: reading these crashes Blender 4.5 or makes layers."""
 BULK = 64
 """Collections of more items than this are compared by their arrays."""
 
@@ -50,14 +53,13 @@ def differences(before: Any, after: Any, path: str = "") -> list[str]:
 def _properties(thing: Any, depth: int) -> dict[str, Any]:
     taken: dict[str, Any] = {}
     for prop in thing.bl_rna.properties:
-        if prop.identifier in SKIPPED:
+        legacy = isinstance(thing, bpy.types.MeshUVLoopLayer) and prop.identifier in UV_LEGACY
+        if prop.identifier in SKIPPED or legacy:
             continue
         taken[prop.identifier] = _value(thing, prop, depth)
     if hasattr(thing, "keys") and not isinstance(thing, bpy.types.Preferences):
-        try:
-            taken["custom"] = {key: repr(thing[key]) for key in thing.keys() if not hasattr(thing[key], "keys")}
-        except TypeError:  # this type has no custom properties
-            pass
+        with suppress(TypeError):  # this type has no custom properties
+            taken["custom"] = {key: repr(value) for key, value in thing.items() if not hasattr(value, "keys")}
     return taken
 
 

@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import bpy
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from baked import bake, diffuse, quad, shader  # noqa: E402
-from datablocks import differences, snapshot  # noqa: E402
-
-from radiosity_addon.blender.names import UV_MAP, is_baked  # noqa: E402
-from radiosity_addon.blender.revert import revert  # noqa: E402
+from radiosity_addon.blender.names import UV_MAP, is_baked
+from radiosity_addon.blender.revert import revert
+from tests.blender.baked import bake, diffuse, quad, shader
+from tests.blender.datablocks import differences, snapshot
 
 
 def furnished() -> list[bpy.types.Object]:

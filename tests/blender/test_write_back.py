@@ -2,23 +2,18 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from baked import atlas_for, bake, diffuse, extract, page_file, quad  # noqa: E402
-from datablocks import differences, snapshot  # noqa: E402
-from mathutils import Matrix  # noqa: E402
-
-from radiosity_addon.blender import write_back as module  # noqa: E402
-from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in  # noqa: E402
-from radiosity_addon.blender.write_back import write_back  # noqa: E402
-from radiosity_addon.errors import OutputError, SceneError  # noqa: E402
+from radiosity_addon.blender import write_back as module
+from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in
+from radiosity_addon.blender.write_back import write_back
+from radiosity_addon.errors import OutputError, SceneError
+from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad
+from tests.blender.datablocks import differences, snapshot
 
 
 def uv_of(mesh: bpy.types.Mesh, name: str = UV_MAP) -> np.ndarray:
