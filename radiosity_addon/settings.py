@@ -62,7 +62,7 @@ class BakeSettings:
     density: float | None = None
     page_size: int = 1024
     quality: QualityName = "medium"
-    tolerance: float = 1e-3
+    tolerance: float = 1e-4
     threads: int = 0
     workers: int = field(init=False, default=1)
 
