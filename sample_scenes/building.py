@@ -16,6 +16,7 @@ import bpy
 Point = tuple[float, float, float]
 RGB = tuple[float, float, float]
 Span = tuple[float, float]
+Paint = bpy.types.Material
 Shape = tuple[list[Point], list[tuple[int, ...]]]
 """Points, m, and faces, anticlockwise from outside."""
 

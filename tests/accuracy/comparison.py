@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How far a bake's pages are from what Cycles measured at the probes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiosity_addon.bake import Baked
+from radiosity_addon.scene import Mesh, Scene
+from tests.accuracy.probes import LUMINANCE, References
+
+SAME_SIDE = 0.5
+"""Least cosine between a probe's normal and its triangle's."""
+FARTHEST = 1e-4
+"""A probe may be this far from its surface, as a share of the distance between the outermost probes."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors at N probes, as shares of the mean reference.
+
+    Attributes:
+        rms: root mean square error of the luminance
+        bias: mean error of the luminance
+        rms_rgb, bias_rgb: (3,) the same for each channel over its own mean
+        percentile_99: of the luminance's absolute error
+        error: (N,) luminance error of each probe
+        worst: a line on each of the five worst probes
+        noise: the reference's own root mean square noise
+    """
+
+    rms: float
+    bias: float
+    rms_rgb: np.ndarray
+    bias_rgb: np.ndarray
+    percentile_99: float
+    error: np.ndarray
+    worst: tuple[str, ...]
+    noise: float
+
+    def __str__(self) -> str:
+        channels = " ".join(f"{channel:.2%}" for channel in self.rms_rgb)
+        biases = " ".join(f"{channel:+.2%}" for channel in self.bias_rgb)
+        first = (
+            f"RMS {self.rms:.2%} (RGB {channels}), bias {self.bias:+.2%} (RGB {biases}), "
+            f"99th percentile {self.percentile_99:.2%}, noise of the reference {self.noise:.2%}, "
+            f"{len(self.error)} probes"
+        )
+        return "\n".join([first, *self.worst])
+
+
+def compare(baked: Baked, scene: Scene, references: References) -> Comparison:
+    """Hold a bake of `scene`, in world space, against Cycles."""
+    found = page_values(baked, scene, references)
+    mean = references.value.mean(axis=0)
+    error = (found - references.value) / mean
+    luminance = (found - references.value) @ LUMINANCE / (mean @ LUMINANCE)
+    worst = tuple(
+        f"{luminance[probe]:+.1%} on {references.object[probe]} at {references.position[probe].round(3).tolist()}: "
+        f"{found[probe].round(4).tolist()}, Cycles {references.value[probe].round(4).tolist()}"
+        for probe in np.argsort(-np.abs(luminance))[:5]
+    )
+    return Comparison(
+        rms=float(np.sqrt(np.mean(luminance**2))),
+        bias=float(luminance.mean()),
+        rms_rgb=np.sqrt(np.mean(error**2, axis=0)),
+        bias_rgb=error.mean(axis=0),
+        percentile_99=float(np.percentile(np.abs(luminance), 99)),
+        error=luminance,
+        worst=worst,
+        noise=references.relative_noise,
+    )
+
+
+def page_values(baked: Baked, scene: Scene, references: References) -> np.ndarray:
+    """(N, 3) what the pages hold at each probe, as a renderer reads them: bilinear."""
+    names = [mesh.name for mesh in scene.meshes]
+    farthest = FARTHEST * float(np.linalg.norm(np.ptp(references.position, axis=0)))
+    values = np.empty_like(references.value)
+    for name in np.unique(references.object):
+        probes = np.flatnonzero(references.object == name)
+        index = names.index(str(name))
+        page = int(baked.atlas.page[index])
+        if not 0 <= page < len(baked.pages):
+            raise ValueError(f"{name} has probes but no lightmap")
+        triangle, weights, distance = nearest(
+            scene.meshes[index], references.position[probes], references.normal[probes]
+        )
+        if distance.max() > farthest:
+            raise ValueError(f"{name} has a probe {distance.max():g} m away from it: the scene has changed")
+        uv = np.einsum("nc,ncx->nx", weights, baked.atlas.uv[index][triangle].astype(np.float64))
+        values[probes] = bilinear(baked.pages[page], uv)
+    return values
+
+
+def nearest(mesh: Mesh, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The surface point at each position that faces alike: triangle (N,), barycentrics (N, 3), distance (N,), m."""
+    corners = mesh.vertices[mesh.triangles]
+    edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    cross = np.cross(edge_u, edge_v)
+    squared = (cross**2).sum(axis=1)
+    offset = position[:, None] - corners[None, :, 0]
+    u = (np.cross(offset, edge_v) * cross).sum(axis=2) / squared
+    v = (np.cross(edge_u, offset) * cross).sum(axis=2) / squared
+    weights = np.clip(np.stack([1 - u - v, u, v], axis=2), 0, None)
+    weights /= weights.sum(axis=2, keepdims=True)
+    there = np.einsum("nfc,fcx->nfx", weights, corners)
+    distance = np.linalg.norm(there - position[:, None], axis=2)
+    facing = normal @ cross.T / np.sqrt(squared)
+    distance[facing < SAME_SIDE] = np.inf
+    triangle = distance.argmin(axis=1)
+    probe = np.arange(len(position))
+    return triangle, weights[probe, triangle], distance[probe, triangle]
+
+
+def bilinear(page: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """(N, 3) values of a page (S, S, 3), row 0 at v = 0, at uv (N, 2)."""
+    size = len(page)
+    at = uv * size - 0.5
+    low = np.floor(at).astype(int)
+    share = at - low
+    x, y = (np.clip([low[:, axis], low[:, axis] + 1], 0, size - 1) for axis in (0, 1))
+    across = [page[y[row], x[0]] * (1 - share[:, :1]) + page[y[row], x[1]] * share[:, :1] for row in (0, 1)]
+    return across[0] * (1 - share[:, 1:]) + across[1] * share[:, 1:]
