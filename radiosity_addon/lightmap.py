@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import Bools, Float32
+from .seams import close_seams
 from .texels import Texels
 
 GROWTH = 4
@@ -20,18 +21,16 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
         page_count: pages wanted; those after them are hidden ones
     """
     size = texels.size
-    pages = []
-    for page in range(page_count):
-        start, stop = np.searchsorted(texels.pixel, [page * size * size, (page + 1) * size * size])
-        part = slice(int(start), int(stop))
-        pixel = texels.pixel[part] - page * size * size
-        image = np.zeros((size * size, 3), np.float32)
-        known = np.zeros(size * size, bool)
-        valid = texels.valid[part]
-        image[pixel[valid]] = irradiance[part][valid].sum(1) / np.float32(np.pi)
-        known[pixel[valid]] = True
-        pages.append(_filled(image.reshape(size, size, 3), known.reshape(size, size)))
-    return pages
+    taking = slice(0, int(np.searchsorted(texels.pixel, page_count * size * size)))
+    valid = texels.valid[taking]
+    pixel = texels.pixel[taking][valid]
+    pages: Float32 = np.zeros((page_count * size * size, 3), np.float32)
+    pages[pixel] = irradiance[taking][valid].sum(1) / np.float32(np.pi)
+    known = np.zeros(len(pages), bool)
+    known[pixel] = True
+    close_seams(pages, known, texels)
+    shape = (page_count, size, size)
+    return [_filled(*page) for page in zip(pages.reshape(*shape, 3), known.reshape(shape), strict=True)]
 
 
 def _filled(image: Float32, known: Bools) -> Float32:

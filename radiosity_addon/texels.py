@@ -191,6 +191,9 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     pages = atlas.page_count + atlas.hidden_page_count
     uv = np.concatenate([part for part in atlas.uv if len(part)] or [np.zeros((0, 3, 2))]).astype(np.float64) * size
     page = np.repeat(np.asarray(atlas.page, np.int32), np.diff(surfaces.first))
+    placed = page >= 0  # meshes without a surface have no page; nothing meets their triangles
+    page = np.maximum(page, 0)
+    uv[~placed] = 0
     chart = np.concatenate([part for part in atlas.chart if len(part)] or [np.zeros(0)]).astype(np.int64)
 
     scan = _ScanLines(uv, page, size)
@@ -205,7 +208,7 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     widths = yield from in_chunks(mark, len(cuts) - 1, 1, workers)
     width = np.concatenate(widths) if widths else np.zeros(0, np.int64)
     samples = np.bincount(scan.triangle_of(0, scan.rows), weights=width, minlength=surfaces.count)
-    tiny = np.flatnonzero(samples == 0)
+    tiny = np.flatnonzero((samples == 0) & placed)
     centre = np.clip(uv[tiny].mean(1), 0, size - 1e-6).astype(np.int64)
     tiny_pixel = (page[tiny].astype(np.int64) * size + centre[:, 1]) * size + centre[:, 0]
     border = _beside_charts(uv, page, chart, texel_at, size)
@@ -358,6 +361,8 @@ def _beside_charts(uv: Float64, page: Int32, chart: Int64, texel_at: Int32, size
     if not len(uv):
         return _Border(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, 2), np.float32))
     triangle, side = _border_edges(uv, chart)
+    real = np.ptp(uv[triangle], axis=1).any(1)
+    triangle, side = triangle[real], side[real]
     start, stop = uv[triangle, side], uv[triangle, (side + 1) % 3]
     pieces = np.maximum(np.ceil(np.abs(stop - start).max(1) / PIECE), 1).astype(np.int64)
     edge = np.repeat(np.arange(len(pieces)), pieces)

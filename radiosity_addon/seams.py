@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a smooth surface is cut into charts, both sides of the cut show the same light.
+
+Irradiance is found in world space and agrees, but bilinear filtering mixes other texels on either side. The texels
+along seams are changed as little as possible so that the filtered values match (after Iwanicki 2013, "Lighting
+Technology of The Last of Us", seam equalisation by least squares).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Float64, Int64
+from .surfaces import Surfaces
+from .texels import Texels
+
+SMOOTH = 0.97
+"""Least cosine between the shading normals of both sides: a sharper edge is meant to show."""
+
+SAMPLES_A_TEXEL = 1.5
+"""Places along a seam where both sides are compared."""
+
+KEEP = 0.02
+"""Weight of leaving texels as they are, against 1 for each comparison."""
+
+ITERATIONS = 12
+"""Steps of the conjugate gradients: seams are short-ranged, so few suffice."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """S places on seams: eight texels each and their weights, those of the second side negative.
+
+    Attributes:
+        pixel: (K,) int64, the pixels that take part
+        column: (S, 8) int64, into `pixel`
+        weight: (S, 8) float64
+    """
+
+    pixel: Int64
+    column: Int64
+    weight: Float64
+
+    def differences(self, values: Float64) -> Float64:
+        """Difference (S, C) between both sides of pixel values (K, C)."""
+        return np.asarray(np.einsum("sk,skc->sc", self.weight, values[self.column]))
+
+    def spread(self, differences: Float64) -> Float64:
+        """The transpose: (K, C) from (S, C)."""
+        flat = self.column.reshape(-1)
+        columns = [
+            np.bincount(flat, weights=(self.weight * channel[:, None]).reshape(-1), minlength=len(self.pixel))
+            for channel in differences.T
+        ]
+        return np.stack(columns, axis=1)
+
+
+def close_seams(pages: Float32, known: Bools, texels: Texels) -> None:
+    """Equalise, in place, the filtered values along seams.
+
+    Args:
+        pages: (P * S * S, 3) float32
+        known: (P * S * S,) bool, pixels that hold light
+    """
+    compared = _compare(texels, known)
+    if compared is None:
+        return
+    values = pages[compared.pixel].astype(np.float64)
+    scale = np.maximum(np.abs(values).mean(0), 1e-12)
+    values /= scale
+    change = np.zeros_like(values)
+    residual = -compared.spread(compared.differences(values))
+    direction = residual.copy()
+    power = (residual**2).sum(0)
+    for _ in range(ITERATIONS):
+        applied = compared.spread(compared.differences(direction)) + KEEP * direction
+        step = power / np.maximum((direction * applied).sum(0), 1e-30)
+        change += step * direction
+        residual -= step * applied
+        new = (residual**2).sum(0)
+        direction = residual + new / np.maximum(power, 1e-30) * direction
+        power = new
+    pages[compared.pixel] = np.maximum((values + change) * scale, 0)
+
+
+def _compare(texels: Texels, known: Bools) -> _Comparison | None:
+    first, second = _seams(texels)
+    size = texels.size
+    length = np.maximum(*(np.linalg.norm(side[:, 1] - side[:, 0], axis=1) for side in (first[0], second[0])))
+    count = np.ceil(length * SAMPLES_A_TEXEL).astype(np.int64) + 1
+    seam = np.repeat(np.arange(len(count)), count)
+    if not len(seam):
+        return None
+    along = ((np.arange(len(seam)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[seam])[:, None]
+    pixels: list[Int64] = []
+    weights: list[Float64] = []
+    for sign, (ends, page) in ((1.0, first), (-1.0, second)):
+        place = ends[seam, 0] + (ends[seam, 1] - ends[seam, 0]) * along - 0.5
+        corner = np.floor(place).astype(np.int64)
+        part = place - corner
+        for dy in (0, 1):
+            for dx in (0, 1):
+                x, y = np.clip(corner[:, 0] + dx, 0, size - 1), np.clip(corner[:, 1] + dy, 0, size - 1)
+                pixels.append((page[seam].astype(np.int64) * size + y) * size + x)
+                share_x = part[:, 0] if dx else 1 - part[:, 0]
+                share_y = part[:, 1] if dy else 1 - part[:, 1]
+                weights.append(sign * share_x * share_y)
+    table, weight = np.stack(pixels, axis=1), np.stack(weights, axis=1)
+    inside = table.max(1) < len(known)
+    inside[inside] &= known[table[inside]].all(1)
+    if not inside.any():
+        return None
+    pixel, column = np.unique(table[inside], return_inverse=True)
+    return _Comparison(pixel, column.reshape(-1, 8), weight[inside])
+
+
+_Sides = tuple[tuple[Float64, Int64], tuple[Float64, Int64]]
+
+
+def _seams(texels: Texels) -> _Sides:
+    """Both sides of every seam: ends (E, 2, 2) in texels and page (E,)."""
+    surfaces: Surfaces = texels.surfaces
+    corners = surfaces.corners.reshape(-1, 3)
+    _, vertex = np.unique(np.round(corners / np.float32(surfaces.offset)), axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1, 3)
+    start, stop = vertex, np.roll(vertex, -1, axis=1)
+    low, high = np.minimum(start, stop).reshape(-1), np.maximum(start, stop).reshape(-1)
+    key = low * (int(vertex.max(initial=0)) + 1) + high
+    order = np.argsort(key, kind="stable")
+    begin = np.flatnonzero(np.concatenate([[True], np.diff(key[order]) != 0])[: len(order)])
+    pair = begin[np.diff(np.append(begin, len(order))) == 2]
+    one, other = order[pair], order[pair + 1]
+    x0, y0, xu, xv, yu, yv = texels.lookup.astype(np.float64).T
+    uv = np.stack([np.stack([x0, y0], 1), np.stack([x0 + xu, y0 + yu], 1), np.stack([x0 + xv, y0 + yv], 1)], axis=1)
+    turned = (start > stop).reshape(-1)
+
+    def side(edge: Int64) -> tuple[Float64, Float32, Int64]:
+        triangle, corner = edge // 3, edge % 3
+        following = (corner + 1) % 3
+        first = np.where(turned[edge], following, corner)
+        last = np.where(turned[edge], corner, following)
+        ends = np.stack([uv[triangle, first], uv[triangle, last]], axis=1)
+        normals = np.stack([surfaces.corner_normals[triangle, first], surfaces.corner_normals[triangle, last]], axis=1)
+        return ends, normals, texels.page[triangle].astype(np.int64)
+
+    ends, normals, page = side(one)
+    ends_b, normals_b, page_b = side(other)
+    apart = (np.abs(ends - ends_b).max((1, 2)) > 0.01) | (page != page_b)
+    smooth = (np.einsum("eij,eij->ei", normals, normals_b) > SMOOTH).all(1)
+    chosen = apart & smooth & (page >= 0) & (page_b >= 0)
+    return (ends[chosen], page[chosen]), (ends_b[chosen], page_b[chosen])
