@@ -20,6 +20,8 @@ import numpy as np
 
 EDGE_SHARE = 1e-4
 """Edge of a probe triangle, as a share of the scene's diagonal."""
+INSET = 1e-3
+"""Least barycentric weight of a probe: one on an edge would reach behind the next wall."""
 LIFT_SHARE = 2e-5
 """Height of a probe above its surface, as a share of the scene's diagonal: too small to change what it sees."""
 BOUNCES = 128
@@ -141,7 +143,8 @@ def place(surfaces: list[Surface], count: int, inside: np.ndarray | None = None)
     # The R2 sequence, Roberts (2018): even in the triangles that get many probes.
     u, v = (0.5 + index * 0.7548776662466927) % 1, (0.5 + index * 0.5698402909980532) % 1
     u, v = np.where(u + v > 1, [1 - u, 1 - v], [u, v])
-    weights = np.stack([1 - u - v, u, v], axis=1)
+    weights = np.clip(np.stack([1 - u - v, u, v], axis=1), INSET, None)
+    weights /= weights.sum(axis=1, keepdims=True)
     position = np.einsum("nc,ncx->nx", weights, corners[triangle])
     return Probes(name[triangle], position, cross[triangle] / (2 * area[triangle, None]))
 
