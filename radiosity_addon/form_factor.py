@@ -197,7 +197,7 @@ def balance(
     """Scale the symmetric `exchange`, in place, so that what is exchanged and what escapes make up each row's area.
 
     Finds d with d_i (sum_j K_ij d_j + lost_i) = area_i, by damped steps of the symmetric scaling of Sinkhorn and Knopp
-    (Knight, Ruiz and Ucar 2014), and makes K_ij d_i K_ij d_j. The sky is one more partner of each patch, itself
+    (Knight, Ruiz and Ucar 2014), and K_ij becomes d_i K_ij d_j. The sky is one more partner of each patch, itself
     bound to no sum: were the escaped share held as counted, two plates that face each other could not both be right.
 
     Args:
@@ -231,6 +231,7 @@ def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, w
     """Sums (C, N) float64 over each row of its entries times values (C, N)."""
     count = len(first) - 1
     sums: Float64 = np.zeros(values.shape)
+    lit = np.flatnonzero(values.any(axis=1))  # light groups are often dark, or have run dry
 
     def add(start: int, stop: int) -> None:
         for low, high in _row_blocks(first, start, stop):
@@ -239,10 +240,10 @@ def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, w
             lengths = np.diff(first[low : high + 1])
             filled = np.flatnonzero(lengths)  # reduceat can't sum nothing
             begin = first[low + filled] - first[low]
-            for channel, total in zip(values, sums, strict=True):
-                products = np.take(channel, where, mode="clip")
+            for channel in lit:
+                products = np.take(values[channel], where, mode="clip")
                 products *= factor
-                total[low + filled] = np.add.reduceat(products, begin) if len(filled) else 0
+                sums[channel, low + filled] = np.add.reduceat(products, begin) if len(filled) else 0
 
     rows = max(1, SUMMED_ENTRIES * count // max(1, int(first[-1])))
     finish(in_chunks(add, count, rows, workers))

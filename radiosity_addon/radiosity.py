@@ -66,7 +66,7 @@ class SolverState:
         irradiance: (N, G, 3) float64, W/m2, received from patches so far
         unshot: (N, G, 3) float64, W/m2, part of the radiosity that was not shot yet
         shooters: (S,) int64, patches that shot in this step
-        threshold: W (share of each group's emitted power, summed), unshot power above which patches shot
+        threshold: unshot power from which on patches shot, in shares of its group's emitted power, groups summed
         shots: patches shot so far, counted each time
         residual: unshot share of the emitted power, channels summed, of the group where it is largest
         balance: where the light has gone
