@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flat lamps: polygons that radiate alike in all directions, and softboxes whose spread is narrowed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .arrays import Float32
+from .lamp_samples import TINY, dot, gauss_nodes, normals_of, on_disc, outside, rows_of
+from .lamps import TOUCHING, Lamp
+from .polygons import BLOCK, Polygon, ellipse, parallelogram, polygon_light
+from .scene import RGB, AreaLight
+
+SPREAD_NODES = 12
+"""Gauss points along each side of the part of an area lamp that a narrowed spread lets a receiver see."""
+
+SPREAD_LEAST = math.radians(0.25)
+"""Narrower spreads are taken as this: nothing is seen of the difference, and float32 still resolves the fade."""
+
+FULL_SPREAD = math.pi * 0.9999
+"""From here on a lamp is Lambertian; the softbox's formula has 0 times infinity at pi."""
+
+
+@dataclass(frozen=True, eq=False)
+class PanelLamp(Lamp):
+    """Lambertian polygons of one emitter: `strength` is their radiance, W/(m2 sr).
+
+    Attributes:
+        polygons: for the closed form
+        corner, edge_u, edge_v: (M, 3) float32, m, the cells that samples are spread over
+        ends: (M,) float32, the cells' areas added up, the last one 1
+        shape: what a cell is: "parallelogram", "triangle" (at its corner) or "ellipse" (corner is its centre, the
+            edges are half axes)
+        area: m2
+        two_sided: shines to both sides
+        box: (2, 3) float32 lowest and highest corner: a closed body, which receivers outside the box see from its front
+            only; None for others
+    """
+
+    strength: RGB
+    polygons: tuple[Polygon, ...]
+    corner: Float32
+    edge_u: Float32
+    edge_v: Float32
+    ends: Float32
+    shape: str
+    area: float
+    two_sided: bool
+    box: Float32 | None
+    shadow: bool
+    group: int
+
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        total = np.zeros(len(points), np.float32)
+        for polygon in self.polygons:
+            total += polygon_light(polygon, points, shading, geometric)
+        if self.box is not None:
+            within = np.flatnonzero(~outside(self.box, points.T))
+            if len(within):
+                below = None if geometric is None else geometric[within]
+                total[within] = 0
+                for polygon in self.polygons:
+                    both = replace(polygon, two_sided=True)
+                    total[within] += polygon_light(both, points[within], shading[within], below)
+        return total
+
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        if len(self.ends) == 1:
+            corner, edge_u, edge_v = (part[0][:, None] for part in (self.corner, self.edge_u, self.edge_v))
+            normal = np.cross(self.edge_u[0], self.edge_v[0])[:, None]
+        else:
+            cell = np.minimum(np.searchsorted(self.ends, u, side="right"), len(self.ends) - 1)
+            below = np.where(cell > 0, self.ends[cell - 1], 0)
+            u = np.clip((u - below) / np.maximum(self.ends[cell] - below, TINY), 0, 1)
+            corner, edge_u, edge_v = self.corner[cell].T, self.edge_u[cell].T, self.edge_v[cell].T
+            normal = np.cross(self.edge_u, self.edge_v)[cell].T
+        if self.shape == "ellipse":
+            u, v = on_disc(u, v)
+        elif self.shape == "triangle":
+            root = np.sqrt(u)
+            u, v = root * (1 - v), root * v
+        way = np.stack([corner[k] + edge_u[k] * u + edge_v[k] * v - p[k] for k in range(3)])
+        square = np.maximum(dot(way, way), TOUCHING)
+        length = np.sqrt(dot(normal, normal))
+        facing = dot(way, normal) * np.float32(-self.area)
+        facing /= square * np.sqrt(square) * np.maximum(length, TINY)
+        return way, self._shown(facing, p)
+
+    def _shown(self, facing: Float32, p: Float32) -> Float32:
+        if not self.two_sided:
+            return np.maximum(facing, 0, out=facing)
+        if self.box is None:
+            return np.abs(facing, out=facing)
+        return np.where(outside(self.box, p), np.maximum(facing, 0), np.abs(facing))
+
+
+@dataclass(frozen=True, eq=False)
+class SoftboxLamp(Lamp):
+    """An area light whose spread is narrowed: `strength` is the radiance that the full spread would have.
+
+    Cycles models the slats of a softbox: the radiance falls as tan(half spread) - tan(angle) and is scaled so that
+    the power stays. A receiver sees light from a disc of the lamp's plane about its own foot point; that disc and
+    the lamp overlap along chords, over which samples are spread.
+
+    Attributes:
+        centre: (3,) float32, m
+        axis_u, axis_v: (3,) float32, unit, in the lamp's plane
+        half_u, half_v: m, half the edges or axes along them
+        direction: (3,) float32, unit, the way it shines
+        ellipse: an ellipse, not a rectangle
+        tangent: of half the spread
+        scale: of the radiance: 1 / (tan h - h) of half the spread h
+    """
+
+    strength: RGB
+    centre: Float32
+    axis_u: Float32
+    axis_v: Float32
+    half_u: float
+    half_v: float
+    direction: Float32
+    ellipse: bool
+    tangent: float
+    scale: float
+    shadow: bool
+    group: int
+
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        result = np.zeros(len(points), np.float32)
+        for start in range(0, len(points), BLOCK):
+            part = slice(start, start + BLOCK)
+            p = rows_of(points[part])
+            normals = normals_of(shading[part], None if geometric is None else geometric[part])
+            _, (low, high), depth = self._seen(p)
+            chosen = np.flatnonzero((depth > 0) & (low < high))
+            if len(chosen):
+                normals = [normal[:, chosen] for normal in normals]
+                light = self.light_by_samples(p[:, chosen], normals, gauss_nodes(SPREAD_NODES))
+                result[start + chosen] = light
+        return result
+
+    def _seen(self, p: Float32) -> tuple[tuple[Float32, Float32], tuple[Float32, Float32], Float32]:
+        """Foot point (u, v) in the lamp's plane, range of v that it sees, height over the plane; (B,) m each."""
+        from_centre = [p[k] - self.centre[k] for k in range(3)]
+        depth = dot(from_centre, self.direction)
+        foot = dot(from_centre, self.axis_u), dot(from_centre, self.axis_v)
+        reach = np.maximum(depth, 0) * np.float32(self.tangent)
+        low = np.maximum(foot[1] - reach, np.float32(-self.half_v))
+        high = np.minimum(foot[1] + reach, np.float32(self.half_v))
+        return foot, (low, high), depth
+
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        foot, (low, high), depth = self._seen(p)
+        reach = np.maximum(depth, 0) * np.float32(self.tangent)
+        across = np.maximum(high - low, 0)
+        # density falls to nothing at both ends of v, where the chords end like a square root
+        y = low + across * (v * v * (3 - 2 * v))
+        across *= 6 * v * (1 - v)
+        chord = np.sqrt(np.maximum(reach**2 - (y - foot[1]) ** 2, 0))
+        side = np.float32(self.half_u)
+        if self.ellipse:
+            side = side * np.sqrt(np.maximum(1 - (y / np.float32(self.half_v)) ** 2, 0))
+        left = np.maximum(foot[0] - chord, -side)
+        right = np.maximum(np.minimum(foot[0] + chord, side), left)
+        # the fade has a kink over the foot point: there the halves of u meet
+        middle = np.where((left < foot[0]) & (foot[0] < right), foot[0], (left + right) / 2)
+        first = u < 0.5
+        width = 2 * np.where(first, middle - left, right - middle)
+        x = np.where(first, left, middle) + width * np.where(first, u, u - np.float32(0.5))
+        way = np.stack([self.centre[k] + self.axis_u[k] * x + self.axis_v[k] * y - p[k] for k in range(3)])
+        square = np.maximum(dot(way, way), TOUCHING)
+        rho = np.sqrt((x - foot[0]) ** 2 + (y - foot[1]) ** 2)
+        fade = np.maximum(np.float32(self.tangent) - rho / np.maximum(depth, TINY), 0) * np.float32(self.scale)
+        return way, fade * np.maximum(depth, 0) * across * width / (square * np.sqrt(square))
+
+
+def area_lamp(light: AreaLight) -> Lamp:
+    """The lamp of an area light, by shape and spread."""
+    u, v, centre = (np.array(vector, np.float64) for vector in (light.edge_u, light.edge_v, light.position))
+    direction = np.array(light.direction, np.float64)
+    if np.cross(u, v) @ direction < 0:
+        v = -v
+    width, height = float(np.linalg.norm(u)), float(np.linalg.norm(v))
+    if light.spread < FULL_SPREAD:
+        half = max(light.spread, SPREAD_LEAST) / 2
+        gap = math.tan(half) - half
+        return SoftboxLamp(
+            strength=light.radiance,
+            centre=centre.astype(np.float32),
+            axis_u=(u / width).astype(np.float32),
+            axis_v=(v / height).astype(np.float32),
+            half_u=width / 2,
+            half_v=height / 2,
+            direction=direction.astype(np.float32),
+            ellipse=light.ellipse,
+            tangent=math.tan(half),
+            scale=1 / gap,
+            shadow=light.shadow,
+            group=light.group,
+        )
+    if light.ellipse:
+        polygon = ellipse(centre, u / 2, v / 2)
+        corner, edges = centre, (u / 2, v / 2)
+    else:
+        polygon = parallelogram(centre - (u + v) / 2, u, v)
+        corner, edges = centre - (u + v) / 2, (u, v)
+    return PanelLamp(
+        strength=light.radiance,
+        polygons=(polygon,),
+        corner=corner[None].astype(np.float32),
+        edge_u=edges[0][None].astype(np.float32),
+        edge_v=edges[1][None].astype(np.float32),
+        ends=np.ones(1, np.float32),
+        shape="ellipse" if light.ellipse else "parallelogram",
+        area=polygon.area,
+        two_sided=False,
+        box=None,
+        shadow=light.shadow,
+        group=light.group,
+    )

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps as Cycles has them: unshadowed light in closed form, and points on them that shadow rays aim at.
+
+Every lamp has a `strength` (RGB) and a scalar part that depends on the receiver alone, so that light groups,
+colours and strengths never change a sample. The scalar part is defined twice, and the two must agree:
+`light()` is the closed form, and the mean of `aim()`'s weight times the receiver's cosine over the unit square is
+the same number. Points are blocks of three rows (x, y, z) where rays are made, (P, 3) where a caller hands them in.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Float64
+from .lamp_samples import TINY, basis, cosine_above, dot, lattice_nodes, normals_of, on_disc, rows_of
+from .polygons import BLOCK, cap_light
+from .scene import RGB, PointLight, SpotLight, SunLight
+
+TOUCHING = np.float32(1e-12)
+"""Squared distance, m2, below which a receiver counts as this far from a lamp: light stays finite."""
+
+FADE_NODES = (7, 61)
+"""Points over a round lamp where a spot's cone or a horizon crosses it: for gentle and for steep fades."""
+
+
+class Lamp(ABC):
+    """Something that shines on receivers.
+
+    Attributes:
+        strength: what `light()` is multiplied with to give irradiance, W/m2
+        shadow: casts shadows
+        group: light group
+    """
+
+    strength: RGB
+    shadow: bool
+    group: int
+
+    @property
+    def extended(self) -> bool:
+        """Has a size, so that its shadows have penumbrae."""
+        return True
+
+    @abstractmethod
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        """Unshadowed irradiance per unit strength at points (P, 3) with unit normals (P, 3): (P,) float32.
+
+        Geometric normals are None where they are the shading normals.
+        """
+
+    @abstractmethod
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        """Ways (3, B) from points p (3, B) to the lamp's samples (u, v) in [0, 1)^2, and their weights (B,)."""
+
+    def light_by_samples(self, p: Float32, normals: list[Float32], nodes: Float64) -> Float32:
+        """`light()` as a sum over nodes (K, 3), rows of u, v and weight; normals are those of `cosine_above`."""
+        total = np.zeros(p.shape[1], np.float32)
+        for u, v, share in nodes:
+            away, weight = self.aim(p, np.full_like(total, u), np.full_like(total, v))
+            weight *= cosine_above(away, normals)
+            weight *= np.float32(share)
+            total += weight
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class SpotCone:
+    """A spot's fade: smoothstep in the cosine, measured in the lamp's own, possibly stretched space.
+
+    Attributes:
+        axes: (3, 3) float32, rows: local x, y and the axis, each divided by the object's scale along it
+        edge: cosine of half the cone's angle
+        slope: 1 / the fade's width in the cosine
+    """
+
+    axes: Float32
+    edge: float
+    slope: float
+
+    @classmethod
+    def of(cls, axes: tuple[RGB, RGB, RGB], angle: float, blend: float) -> SpotCone:
+        """The cone of a spot of full `angle`, radians, whose share `blend` fades; never thinner than 0.001."""
+        edge = math.cos(angle / 2)
+        return cls(np.array(axes, np.float32), edge, 1 / max(0.001, (1 - edge) * blend))
+
+    def fade(self, away: Float32) -> Float32:
+        """Share (B,) of the light that goes along -away (3, B)."""
+        x, y, z = (-dot(away, axis) for axis in self.axes)
+        step = z / np.sqrt(np.maximum(x * x + y * y + z * z, TINY))
+        step -= np.float32(self.edge)
+        step *= np.float32(self.slope)
+        np.clip(step, 0, 1, out=step)
+        smooth: Float32 = step * step * (3 - 2 * step)
+        return smooth
+
+
+@dataclass(frozen=True, eq=False)
+class RoundLamp(Lamp):
+    """A point or spot light: `strength` is its intensity, W/sr.
+
+    Cycles' soft falloff is a disc of the radius that faces each receiver; without it the lamp is a sphere. From
+    outside a sphere looks like the disc where the tangent cone touches it, so both are one case. Inside a sphere
+    light comes alike from everywhere, without the spot's fade.
+
+    Attributes:
+        position: (3,) float32, m
+        radius: m
+        sphere: a sphere, not a disc
+        cone: a spot's, or None
+    """
+
+    strength: RGB
+    position: Float32
+    radius: float
+    sphere: bool
+    cone: SpotCone | None
+    shadow: bool
+    group: int
+
+    @property
+    def extended(self) -> bool:
+        return self.radius > 0
+
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        result = np.empty(len(points), np.float32)
+        for start in range(0, len(points), BLOCK):
+            part = slice(start, start + BLOCK)
+            below = None if geometric is None else geometric[part]
+            result[part] = self._block(rows_of(points[part]), normals_of(shading[part], below))
+        return result
+
+    def _block(self, p: Float32, normals: list[Float32]) -> Float32:
+        away = [self.position[k] - p[k] for k in range(3)]
+        square: Float32 = np.maximum(dot(away, away), TOUCHING)
+        distance: Float32 = np.sqrt(square)
+        cosines = [dot(away, normal) / distance for normal in normals]
+        if self.radius == 0:
+            total: Float32 = np.maximum(cosines[0], 0) / square
+            if len(normals) > 1:
+                total[cosines[1] <= 0] = 0
+            return total if self.cone is None else total * self.cone.fade(np.stack(away))
+        r2 = np.float32(self.radius**2)
+        inside = square <= r2 if self.sphere else np.zeros(len(square), bool)
+        sine2: Float32 = np.minimum(r2 / square, 1) if self.sphere else r2 / (r2 + square)
+        total = cap_light(cosines[0], sine2)
+        total /= np.float32(math.pi) * r2
+        uneven = np.zeros(len(total), bool)
+        if len(normals) > 1:
+            uneven = _cut(cosines[1], sine2)
+            total[(cosines[1] < 0) & ~uneven] = 0
+            uneven &= cosines[0] > -np.sqrt(sine2)
+        if self.cone is not None:
+            fade = self.cone.fade(np.stack(away))
+            fading = self._fading(p, away, distance)
+            total *= fade
+            uneven |= fading & (cosines[0] > -np.sqrt(sine2))
+        total[inside] = 1 / r2
+        chosen = np.flatnonzero(uneven & ~inside)
+        if len(chosen):
+            nearest = float(np.min(distance[chosen]))
+            steep = self.cone is None or self.cone.slope * self.radius > 0.3 * nearest
+            nodes = lattice_nodes(FADE_NODES[steep])
+            total[chosen] = self.light_by_samples(p[:, chosen], [normal[:, chosen] for normal in normals], nodes)
+        return total
+
+    def _fading(self, p: Float32, away: list[Float32], distance: Float32) -> Bools:
+        """Where the fade is not the same all over the lamp: tried at four points of its rim."""
+        assert self.cone is not None
+        low, high = np.full(len(distance), 1, np.float32), np.zeros(len(distance), np.float32)
+        for v in (0.0, 0.25, 0.5, 0.75):
+            way, _ = self.aim(p, np.full_like(distance, 1), np.full_like(distance, v))
+            fade = self.cone.fade(way)
+            np.minimum(low, fade, out=low)
+            np.maximum(high, fade, out=high)
+        return high - low > np.float32(1e-4)
+
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        away: Float32 = np.stack([self.position[k] - p[k] for k in range(3)])
+        square: Float32 = np.maximum(dot(away, away), TOUCHING)
+        if self.radius == 0:
+            weight: Float32 = 1 / square
+            return away, weight if self.cone is None else weight * self.cone.fade(away)
+        distance: Float32 = np.sqrt(square)
+        axis: Float32 = away / distance
+        radius = np.full_like(square, self.radius)
+        if self.sphere:
+            r2 = np.float32(self.radius**2)
+            square = np.maximum(
+                square, np.full_like(square, 1.001 * self.radius**2)
+            )  # from inside, a lamp that fills half the sky
+            away -= axis * (r2 / np.maximum(distance, self.radius))
+            radius *= np.sqrt(1 - r2 / square)
+            distance = np.maximum(distance - r2 / distance, np.float32(0.03) * radius)
+        x, y = on_disc(u, v)
+        tangent, bitangent = basis(axis)
+        way = away + tangent * (x * radius) + bitangent * (y * radius)
+        squared = np.maximum(dot(way, way), TOUCHING)
+        weight = dot(way, axis) * (radius / np.float32(self.radius)) ** 2 / (squared * np.sqrt(squared))
+        return way, weight if self.cone is None else weight * self.cone.fade(way)
+
+
+@dataclass(frozen=True, eq=False)
+class SunLamp(Lamp):
+    """A disc at infinity: `strength` is the irradiance on a plane that faces it, W/m2.
+
+    Attributes:
+        direction: (3,) float32, unit, towards the sun
+        sine: of half the angular diameter
+        reach: length of shadow rays, m: beyond the whole scene
+    """
+
+    strength: RGB
+    direction: Float32
+    sine: float
+    reach: float
+    shadow: bool
+    group: int
+
+    @property
+    def extended(self) -> bool:
+        return self.sine > 0
+
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        cosine = dot(shading.T, self.direction)
+        if self.sine == 0:
+            total: Float32 = np.maximum(cosine, 0)
+        else:
+            sine2 = np.array(self.sine**2, np.float32)
+            total = cap_light(cosine, sine2) / (np.float32(math.pi) * sine2)
+        if geometric is None:
+            return total
+        below = dot(geometric.T, self.direction)
+        cut = np.flatnonzero(_cut(below, np.array(self.sine**2, np.float32)) & (total > 0))
+        total[below <= 0] = 0
+        if len(cut):
+            normals = normals_of(shading[cut], geometric[cut])
+            total[cut] = self.light_by_samples(np.zeros_like(normals[0]), normals, lattice_nodes(FADE_NODES[1]))
+        return total
+
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        way = np.repeat((self.direction * np.float32(self.reach))[:, None], p.shape[1], axis=1)
+        if self.sine == 0:
+            return way, np.ones(p.shape[1], np.float32)
+        tangent, bitangent = basis(self.direction[:, None])
+        # uniform in solid angle: the height over the disc's plane is uniform between cos and 1
+        height = 1 - u * np.float32(1 - math.sqrt(1 - self.sine**2))
+        radius = np.sqrt((1 - height) * (1 + height)) * np.float32(self.reach)
+        turn = v * np.float32(2 * math.pi)
+        way *= height
+        way += tangent * (np.cos(turn) * radius)
+        way += bitangent * (np.sin(turn) * radius)
+        share = 2 / (1 + math.sqrt(1 - self.sine**2))  # the cap's solid angle over its projection
+        return way, np.full(p.shape[1], share, np.float32)
+
+
+def _cut(cosine: Float32, sine_squared: Float32) -> Bools:
+    """Where a horizon cuts a cap."""
+    cut: Bools = cosine * cosine < sine_squared
+    return cut
+
+
+def round_lamp(light: PointLight | SpotLight) -> RoundLamp:
+    """The lamp of a point or spot light."""
+    return RoundLamp(
+        strength=light.intensity,
+        position=np.array(light.position, np.float32),
+        radius=light.radius,
+        sphere=not light.soft_falloff and light.radius > 0,
+        cone=SpotCone.of(light.axes, light.angle, light.blend) if isinstance(light, SpotLight) else None,
+        shadow=light.shadow,
+        group=light.group,
+    )
+
+
+def sun_lamp(light: SunLight, reach: float) -> SunLamp:
+    """The lamp of a sun; shadow rays are `reach` long, m."""
+    return SunLamp(
+        strength=light.irradiance,
+        direction=-np.array(light.direction, np.float32),
+        sine=math.sin(min(light.angle, math.pi) / 2),
+        reach=reach,
+        shadow=light.shadow,
+        group=light.group,
+    )

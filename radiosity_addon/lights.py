@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light: closed forms where a receiver sees the whole lamp, shadow rays only where they are needed.
+
+Lamps come in batches. Each texel sends a few probe rays to each lamp; the probes of a 5 x 5 neighbourhood on the
+page say whether a texel is fully lit, fully shadowed, or partly: only those send more rays. Sampling depends on
+geometry and visibility, never on strengths or light groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .area_lamps import area_lamp
+from .arrays import Bools, Float32, Int64
+from .chunks import Fractions, in_chunks, scaled
+from .emitters import emissive_lamps
+from .lamp_samples import lattice, rows_of, shifted
+from .lamps import Lamp, round_lamp, sun_lamp
+from .penumbra import smooth_penumbrae
+from .sampling import hash_uniform
+from .scene import AreaLight, Light, Scene, SunLight
+from .settings import BakeSettings
+from .shadows import TRACE_CHUNK, Bytes, Receivers, pool_probes, shoot, trace_partly, visible_share
+from .surfaces import Surfaces
+from .texels import Texels
+from .visibility import Visibility
+
+BATCH = 8
+"""Lamps treated together: they share ray origins, and each costs 10 bytes a texel while the batch is worked on."""
+
+PROBE_CHUNK = 1 << 14
+"""Texels probed in one go."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """Everything that is sampled as a lamp.
+
+    Attributes:
+        lamps: one record each
+        sampled: (F,) bool, triangles whose emission is in `lamps`, so that a gather must leave it out
+    """
+
+    lamps: tuple[Lamp, ...]
+    sampled: Bools
+
+
+def lamps_of(scene: Scene, surfaces: Surfaces) -> Lamps:
+    """The scene's lights and emissive surfaces as lamps.
+
+    Args:
+        scene: with positions relative to `surfaces.origin`, as `scene.moved(-surfaces.origin)` gives them
+    """
+    lights = [_lamp(light, surfaces) for light in scene.lights]
+    emitters, sampled = emissive_lamps(scene, surfaces)
+    return Lamps(tuple(lamp for lamp in [*lights, *emitters] if any(lamp.strength)), sampled)
+
+
+def _lamp(light: Light, surfaces: Surfaces) -> Lamp:
+    if isinstance(light, SunLight):
+        return sun_lamp(light, 4 * surfaces.radius)
+    if isinstance(light, AreaLight):
+        return area_lamp(light)
+    return round_lamp(light)
+
+
+def irradiance_at(
+    lamps: Lamps,
+    points: Float32,
+    normals: Float32,
+    visibility: Visibility,
+    samples: int,
+    seed_ids: Int64,
+    group_count: int,
+) -> Float32:
+    """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
+
+    Args:
+        points: (P, 3) float32, m, lifted off their surfaces
+        normals: (P, 3) float32, unit
+        samples: shadow rays of a point and lamp
+        seed_ids: (P,) what the samples are hashed from
+    """
+    total = np.zeros((len(points), group_count, 3), np.float32)
+    for start in range(0, len(points), TRACE_CHUNK):
+        part = slice(start, start + TRACE_CHUNK)
+        shifts = hash_uniform(seed_ids[part], 0), hash_uniform(seed_ids[part], 1)
+        for lamp in lamps.lamps:
+            light = lamp.light(points[part], normals[part], None)
+            lit = np.flatnonzero(light > 0)
+            if lamp.shadow and len(lit):
+                rays = samples if lamp.extended else 1
+                origins, facing = [rows_of(points[part][lit])], [rows_of(normals[part][lit])]
+                chosen = shifts[0][lit], shifts[1][lit]
+                light[lit] *= visible_share(lamp, origins, facing, chosen, rays, visibility)
+            _add(total[part], lamp, light)
+    return total
+
+
+def direct_irradiance(
+    lamps: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, group_count: int
+) -> Generator[float, None, Float32]:
+    """Irradiance H0 of every texel from all lamps; yields the share done.
+
+    Returns:
+        (T, G, 3) float32, W/m2; zero where a texel is not valid
+    """
+    total = np.zeros((texels.count, group_count, 3), np.float32)
+    batches = [lamps.lamps[start : start + BATCH] for start in range(0, len(lamps.lamps), BATCH)]
+    for done, batch in enumerate(batches):
+        steps = _add_batch(batch, texels, visibility, settings, total)
+        yield from scaled(steps, done / len(batches), (done + 1) / len(batches))
+    return total
+
+
+def _add(total: Float32, lamp: Lamp, light: Float32) -> None:
+    """Add a lamp's light (B,) to irradiance (B, G, 3)."""
+    for channel, strength in enumerate(lamp.strength):
+        if strength:
+            total[:, lamp.group, channel] += light * np.float32(strength)
+
+
+def _add_batch(
+    batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
+) -> Generator[float, None, None]:
+    """Add the light of a batch to `total` (T, G, 3); yields the share done."""
+    probes = _Probes.none(len(batch), texels.count)
+    yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
+    for index, lamp in enumerate(batch):
+        light = probes.light[index]
+        low, high = 0.5 + index / len(batch) / 2, 0.5 + (index + 1) / len(batch) / 2
+        if lamp.shadow:
+            light *= yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
+        _add(total, lamp, light)
+
+
+@dataclass(frozen=True, eq=False)
+class _Probes:
+    """What a batch of L lamps and their probe rays have found.
+
+    Attributes:
+        light: (L, T) float32, unshadowed
+        seen, shot: (L, T) uint8, probes that reached the lamp, and all probes
+    """
+
+    light: Float32
+    seen: Bytes
+    shot: Bytes
+
+    @classmethod
+    def none(cls, lamps: int, texels: int) -> _Probes:
+        shape = (lamps, texels)
+        return cls(np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
+
+
+def _probe(
+    batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+) -> Fractions[None]:
+    """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
+    pattern = lattice(settings.steps.shadow_probes)
+
+    def work(start: int, stop: int) -> None:
+        ids = start + np.flatnonzero(texels.valid[start:stop])
+        if not len(ids):
+            return
+        receivers = Receivers.of(texels, ids)
+        origins = [receivers.origins(texels, k) for k in range(len(pattern))]
+        for index, lamp in enumerate(batch):
+            light = lamp.light(receivers.points, receivers.shading, receivers.geometric)
+            probes.light[index, ids] = light
+            lit = np.flatnonzero(light > 0)
+            if not lamp.shadow or not len(lit):
+                continue
+            some = receivers.only(lit)
+            shot, seen = np.zeros(len(lit), np.uint8), np.zeros(len(lit), np.uint8)
+            for origin, (u, v) in zip(origins, pattern, strict=True):
+                p = origin if len(lit) == len(ids) else origin[:, lit]
+                moved = shifted(u, some.shifts[0]), shifted(v, some.shifts[1])
+                weight, arrived = shoot(lamp, p, some.normals, *moved, visibility)
+                shot += weight > 0
+                seen += arrived > 0
+            probes.shot[index, some.ids] = shot
+            probes.seen[index, some.ids] = seen
+
+    return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
+
+
+def _shadow(
+    lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+) -> Generator[float, None, Float32]:
+    """The share (T,) of a lamp's light that arrives; yields the share done."""
+    ratio = np.ones(texels.count, np.float32)
+    pool = pool_probes(probes.seen[index], probes.shot[index], texels, ratio, settings.workers)
+    found: list[Int64] = yield from scaled(pool, 0, 0.1)
+    partly = np.concatenate(found) if found else np.zeros(0, np.int64)
+    partly = partly[probes.light[index, partly] > 0]
+    rays = settings.steps.shadow_rays
+    yield from scaled(trace_partly(lamp, texels, partly, ratio, visibility, rays, settings.workers), 0.1, 0.8)
+    if lamp.extended:
+        yield from scaled(
+            smooth_penumbrae(texels, partly, ratio, probes.light[index] > 0, rays, settings.workers), 0.8, 1
+        )
+    return ratio
