@@ -10,31 +10,21 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..arrays import Float64, Int32
+from ..arrays import Float32, Float64, Int32
 from ..errors import SceneError
 from ..scene import Light, Material, Mesh, Scene, World
 from .evaluation import at_render_settings
 from .lamps import read_lamp
 from .materials import read_material, read_world
-from .names import UV_MAP, has_our_uv_map, is_stand_in, original_material
+from .names import is_stand_in, original_material
 from .nodes import LinkCycle
+from .preflight import check_can_carry, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
 
-MAX_COORDINATE = 1e15
-"""m; beyond it squares overflow float32."""
-
-FLAT_SCALE = 1e-7
-"""A matrix that shrinks one direction by this share of another is singular in float32."""
-
-MAX_TRIANGLES = 50_000_000
-TRIANGLE_BYTES = 300
-"""What a triangle takes in the records and the ray tracer together, roughly."""
-
-MAX_UV_MAPS = 8
 NO_PARTNER = 2**31 - 1
 """What Blender fills a persistent id with after its last level."""
 
@@ -120,7 +110,7 @@ class _Reading:
         self.lights: list[Light] = []
         self.skipped: dict[str, str] = {}
         self.instances: Counter[tuple[str, str]] = Counter()
-        self.warnings: list[str] = []
+        self.warnings: dict[str, None] = {}
         self.triangles = 0
 
     def extraction(self) -> Extraction:
@@ -134,15 +124,11 @@ class _Reading:
             reason = f"{times} made by {maker} can't carry a uv map; they only shadow and bounce light"
             self.skipped[name] = "; ".join(filter(None, [self.skipped.get(name), reason]))
         if not any(mesh.lightmapped for mesh in self.meshes):
-            why = "; ".join(f"{name}: {reason}" for name, reason in list(self.skipped.items())[:3])
-            cause = f"nothing is left to bake ({why})" if why else "it has no object with faces"
-            raise SceneError(
-                f"Scene {self.originals.name!r}", cause, "Add a mesh that is visible in renders, or include one"
-            )
+            raise self.nothing_to_bake()
         world = self.world()
         emitting = any(any(material.emission) for material in self.materials)
         if not (self.lights or emitting or any(world.radiance)):
-            self.warnings.append("There is no light in the scene: the lightmaps will be black")
+            self.warn("There is no light in the scene: the lightmaps will be black")
         scene = Scene(
             meshes=tuple(self.meshes),
             materials=tuple(self.materials),
@@ -154,13 +140,27 @@ class _Reading:
         )
         return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()), tuple(self.warnings))
 
+    def nothing_to_bake(self) -> SceneError:
+        reasons = [
+            f"{name}: {reason}" for name, reason in self.skipped.items() if self.only is None or name in self.only
+        ]
+        why = "; ".join(reasons[:3]) + ("; ..." if len(reasons) > 3 else "")
+        return SceneError(
+            f"Scene {self.originals.name!r}",
+            f"nothing is left to bake ({why})" if why else "it has no object with faces",
+            "Add a mesh that is visible in renders, or include one",
+        )
+
     def read(self, item: bpy.types.DepsgraphObjectInstance) -> None:
         """Take one object or instance into the records."""
         thing, original = item.object, item.object.original
-        if not item.show_self or is_stand_in(original):
+        if is_stand_in(original):
+            return
+        if not item.show_self:
+            self.skipped.setdefault(thing.name, "only its instances are rendered")
             return
         if thing.type == "LIGHT":
-            self.read_lamp(thing, _matrix(item))
+            self.read_lamp(thing, finite_matrix(item))
             return
         instanced = item.is_instance and not _is_own_surface(item)
         if thing.type != "MESH":
@@ -175,7 +175,7 @@ class _Reading:
             self.read_surface(item, instanced, settings)
         except Skip as reason:
             self.skipped[thing.name] = str(reason)
-            self.warnings.append(f"{thing.name} is left out: {reason}")
+            self.warn(f"{thing.name} is left out: {reason}")
 
     def read_surface(
         self,
@@ -183,36 +183,27 @@ class _Reading:
         instanced: bool,
         settings: bpy.types.PropertyGroup | None,
     ) -> None:
-        thing, original, matrix = item.object, item.object.original, _matrix(item)
-        editing = original.mode == "EDIT" and not item.is_instance
-        mesh: bpy.types.Mesh = thing.to_mesh() if editing else thing.data  # an edited mesh is evaluated on demand
+        thing, original, matrix = item.object, item.object.original, finite_matrix(item)
+        editing = thing.data.is_editmode  # an edited mesh is evaluated on demand
+        mesh: bpy.types.Mesh = thing.to_mesh() if editing else thing.data
         lightmapped = self.gets_lightmap(thing.name, instanced, settings)
-        if lightmapped:
-            check_can_carry(original)
-        if not (thing.visible_camera or thing.visible_diffuse or thing.visible_glossy or thing.visible_shadow):
-            raise Skip("it is invisible to all rays")
-        if not (thing.visible_diffuse and thing.visible_shadow):
-            self.warnings.append(f"{thing.name}: its ray visibility is not followed, it shadows and bounces light")
+        self.check_rays(thing)
         if not len(mesh.polygons):
             raise Skip("it has no faces")
-        if _is_flat(matrix):
+        if is_flat(matrix):
             raise Skip("its scale is zero along an axis")
+        if lightmapped:
+            check_can_carry(original)
         shape = placed(self.shape(mesh, keep=item.is_instance or original.data.users > 1), matrix)
-        self.check_size(thing.name, shape)
+        self.triangles += len(shape.triangles)
+        check_memory(thing.name, self.triangles)
+        check_size(thing.name, shape.vertices)
         if not len(shape.triangles):
             raise Skip("all its faces have no area")
         if shape.dropped:
-            self.warnings.append(f"{thing.name}: {shape.dropped} triangles without area are left out")
+            self.warn(f"{thing.name}: {shape.dropped} triangles without area are left out")
         slots = [slot.material for slot in thing.material_slots]
         material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
-        uv_name = getattr(settings, "uv_map", "") if lightmapped else ""
-        uv = read_uv(mesh, uv_name, shape.corner) if uv_name else None
-        if uv_name and uv is None:
-            raise SceneError(
-                thing.name,
-                f"it has no uv map named {uv_name!r}",
-                "Choose one of its uv maps to keep, or none to unwrap",
-            )
         if instanced:
             self.instances[thing.name, item.parent.name] += 1
         self.sources.append(
@@ -236,9 +227,15 @@ class _Reading:
                 corner=shape.corner,
                 lightmapped=lightmapped,
                 density=getattr(settings, "density", 1.0),
-                uv=uv,
+                uv=kept_uv(mesh, shape, thing.name, settings) if lightmapped else None,
             )
         )
+
+    def check_rays(self, thing: bpy.types.Object) -> None:
+        if not (thing.visible_camera or thing.visible_diffuse or thing.visible_glossy or thing.visible_shadow):
+            raise Skip("it is invisible to all rays")
+        if not (thing.visible_diffuse and thing.visible_shadow):
+            self.warn(f"{thing.name}: its ray visibility is not followed, it shadows and bounces light")
 
     def gets_lightmap(self, name: str, instanced: bool, settings: bpy.types.PropertyGroup | None) -> bool:
         if instanced:
@@ -261,20 +258,6 @@ class _Reading:
         if not np.isfinite(shape.vertices).all():
             raise Skip("it has vertices that are not finite numbers")
         return shape
-
-    def check_size(self, name: str, shape: Shape) -> None:
-        self.triangles += len(shape.triangles)
-        if self.triangles > MAX_TRIANGLES:
-            gigabytes = self.triangles * TRIANGLE_BYTES / 1e9
-            raise SceneError(
-                name,
-                f"with it the scene has {self.triangles:,} triangles and needs {gigabytes:.0f} GB of memory or more",
-                "Lower its subdivision or number of instances, or exclude objects from the bake",
-            )
-        if np.abs(shape.vertices).max() >= MAX_COORDINATE:
-            raise SceneError(
-                name, f"it has vertices {MAX_COORDINATE:g} m or more from the origin", "Move or scale it closer"
-            )
 
     def slot_materials(self, thing: bpy.types.Object, slots: list[bpy.types.Material | None]) -> Int32:
         """Index into the records' materials of each slot; of the default surface where there is none."""
@@ -329,8 +312,12 @@ class _Reading:
             self.groups.append(name)
         return self.groups.index(name) if name in self.groups else 0
 
+    def warn(self, text: str) -> None:
+        """Once each: every instance of an object would say the same."""
+        self.warnings[text] = None
+
     def hears(self, subject: str) -> Callable[[str], None]:
-        return lambda text: self.warnings.append(f"{subject}: {text}")
+        return lambda text: self.warn(f"{subject}: {text}")
 
     def skip_unseen(self, seen: set[str]) -> None:
         """Say why objects that could have faces did not come up."""
@@ -342,26 +329,19 @@ class _Reading:
             self.skipped.setdefault(thing.name, "it has no faces" if known else "it is hidden in renders")
 
 
-def check_can_carry(thing: bpy.types.Object) -> None:
-    """Whether a lightmap can be put on an object.
+def kept_uv(mesh: bpy.types.Mesh, shape: Shape, name: str, settings: bpy.types.PropertyGroup | None) -> Float32 | None:
+    """The uv map that the object is set to keep, (F, 3, 2), or None.
 
     Raises:
-        SceneError: it is linked or missing, or its uv maps leave no room
+        SceneError: it has no such map
     """
-    data = thing.data
-    local = "Make it local, or set it to only shadow and bounce light"
-    if getattr(thing, "is_missing", False) or getattr(data, "is_missing", False):
-        raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
-    if not thing.is_editable:
-        raise SceneError(thing.name, "it is linked from another file", local)
-    if not data.is_editable and thing.override_library is None:
-        raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
-    if not isinstance(data, bpy.types.Mesh) or has_our_uv_map(data):
-        return
-    if UV_MAP in data.uv_layers:
-        raise SceneError(thing.name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
-    if len(data.uv_layers) >= MAX_UV_MAPS:
-        raise SceneError(thing.name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
+    wanted = getattr(settings, "uv_map", "")
+    uv = read_uv(mesh, wanted, shape.corner) if wanted else None
+    if wanted and uv is None:
+        raise SceneError(
+            name, f"it has no uv map named {wanted!r}", "Choose one of its uv maps to keep, or none to unwrap"
+        )
+    return uv
 
 
 def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
@@ -381,17 +361,3 @@ def _is_own_surface(item: bpy.types.DepsgraphObjectInstance) -> bool:
     """The faces of a curve, text and the like come as an instance of the object made by itself, at the first level."""
     same = item.parent is not None and item.object.original == item.parent.original
     return same and item.persistent_id[1] == NO_PARTNER
-
-
-def _matrix(item: bpy.types.DepsgraphObjectInstance) -> Float64:
-    matrix = np.array(item.matrix_world, np.float64)
-    if not np.isfinite(matrix).all():
-        raise SceneError(
-            item.object.name, "its transform holds values that are not finite numbers", "Clear its transform"
-        )
-    return matrix
-
-
-def _is_flat(matrix: Float64) -> bool:
-    singular = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(singular[2] <= FLAT_SCALE * singular[0])

@@ -42,6 +42,9 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
     if not lamp.visible_diffuse:
         warn("is hidden from diffuse surfaces and gives no light")
         return None
+    linking = lamp.light_linking
+    if linking.receiver_collection or linking.blocker_collection:
+        warn("its light linking is not followed, it lights everything")
     if power.min() < 0:
         warn("has negative power and takes light away")
     return READERS[light.type](lamp, light, power, matrix, group, warn)
@@ -55,11 +58,6 @@ def _power(light: bpy.types.Light, warn: Warn) -> Float64:
     if tree is not None:
         power = power * read_tree(tree, warn).emission
     return power
-
-
-def _casts_shadow(light: bpy.types.Light) -> bool:
-    of_cycles = getattr(light, "cycles", None)  # where Cycles kept its own switch until 4.2
-    return bool(getattr(of_cycles, "cast_shadow", light.use_shadow))
 
 
 def _sphere_intensity(light: bpy.types.Light, power: Float64) -> Float64:
@@ -78,7 +76,7 @@ def _point(
         position=rgb(matrix[:3, 3]),
         radius=light.shadow_soft_size,
         soft_falloff=light.use_soft_falloff,
-        shadow=_casts_shadow(light),
+        shadow=light.use_shadow,
         group=group,
     )
 
@@ -101,7 +99,7 @@ def _spot(
         blend=light.spot_blend,
         radius=light.shadow_soft_size,
         soft_falloff=light.use_soft_falloff,
-        shadow=_casts_shadow(light),
+        shadow=light.use_shadow,
         group=group,
     )
 
@@ -122,7 +120,7 @@ def _sun(
         irradiance=rgb(power),
         direction=rgb(direction / length),
         angle=light.angle,
-        shadow=_casts_shadow(light),
+        shadow=light.use_shadow,
         group=group,
     )
 
@@ -150,7 +148,7 @@ def _area(
         direction=rgb(direction / length),
         ellipse=ellipse,
         spread=light.spread,
-        shadow=_casts_shadow(light),
+        shadow=light.use_shadow,
         group=group,
     )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from math import pi, tan
 
 import bpy
@@ -11,6 +12,7 @@ import pytest
 
 from radiosity_addon.blender.evaluation import at_render_settings
 from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.blender.names import HIDDEN_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
 from radiosity_addon.errors import SceneError
 
 QUAD = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
@@ -92,6 +94,17 @@ def test_render_handlers_of_others_are_kept_and_not_called():
         bpy.app.handlers.render_pre.clear()
 
 
+def test_the_last_render_is_kept(tmp_path):
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
+    scene.camera = add(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
+    bpy.ops.render.render()
+    at_render_settings(scene, lambda depsgraph: None)
+    bpy.data.images["Render Result"].save_render(str(tmp_path / "kept.png"))
+    assert tuple(bpy.data.images.load(str(tmp_path / "kept.png")).size) == (24, 16)
+
+
 # geometry
 
 
@@ -170,6 +183,30 @@ def test_a_mesh_in_edit_mode_is_flushed_first():
     bpy.ops.transform.translate(value=(0, 0, 5))
     try:
         assert np.allclose(extract().scene.meshes[0].vertices[:, 2], 5)
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_instances_of_a_mesh_in_edit_mode_are_read_too():
+    thing = add_mesh()
+    add(bpy.data.objects.new("twin", thing.data))
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        assert [len(mesh.triangles) for mesh in extract().scene.meshes] == [2, 2]
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_a_curve_in_edit_mode_is_read():
+    curve = bpy.data.curves.new("Tube", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.1
+    curve.splines.new("POLY").points.add(1)
+    curve.splines[0].points[1].co = (1, 0, 0, 1)
+    bpy.context.view_layer.objects.active = add(bpy.data.objects.new("Tube", curve))
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        assert len(extract().scene.meshes[0].triangles)
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
 
@@ -289,6 +326,52 @@ def test_objects_invisible_to_every_ray_are_left_out():
     assert [mesh.name for mesh in extract().scene.meshes] == ["seen"]
 
 
+def test_the_settings_of_an_object_decide_its_part():
+    for name in ("excluded", "only casts", "dense"):
+        add_mesh(name)
+    bpy.data.objects["excluded"].radiosity.exclude = True
+    bpy.data.objects["only casts"].radiosity.only_casts = True
+    bpy.data.objects["dense"].radiosity.density = 2.5
+    extraction = extract()
+    found = {mesh.name: (mesh.lightmapped, mesh.density) for mesh in extraction.scene.meshes}
+    assert found == {"only casts": (False, 1.0), "dense": (True, 2.5)}
+    assert set(dict(extraction.skipped)) == {"excluded", "only casts"}
+
+
+def test_a_kept_uv_map_is_read_by_corner_also_when_mirrored():
+    thing = add_mesh(scale=(-1, 1, 1))
+    layer = thing.data.uv_layers.new(name="mine")
+    corners = np.array([(0.1, 0.2), (0.8, 0.2), (0.8, 0.9), (0.1, 0.9)], np.float32)
+    layer.uv.foreach_set("vector", corners.ravel())
+    thing.radiosity.uv_map = "mine"
+    mesh = extract().scene.meshes[0]
+    assert np.array_equal(mesh.uv, corners[mesh.corner])
+    thing.radiosity.uv_map = "gone"
+    with pytest.raises(SceneError, match="no uv map named 'gone'"):
+        extract()
+
+
+def test_an_object_behind_its_stand_in_is_read_in_its_place():
+    thing = add_cube("original")
+    thing.modifiers.new("s", "SUBSURF").render_levels = 1
+    shown = add_mesh("shown")
+    shown[STAND_IN_KEY] = thing
+    thing[HIDDEN_KEY] = {"render": False, "viewport": False, "selected": "[]"}
+    thing.hide_render = thing.hide_viewport = True
+    extraction = extract()
+    assert [(mesh.name, len(mesh.triangles)) for mesh in extraction.scene.meshes] == [("original", 48)]
+    assert extraction.skipped == ()
+    assert (thing.hide_render, thing.hide_viewport, shown.hide_render) == (True, True, False)
+
+
+def test_a_preview_material_is_read_as_the_users_own():
+    preview = emission("preview", 5)
+    preview[PREVIEW_KEY], preview[ORIGINAL_MATERIAL_KEY] = True, diffuse("own", 0.25)
+    add_mesh().data.materials.append(preview)
+    scene = extract().scene
+    assert [(material.name, material.reflectance) for material in scene.materials] == [("own", (0.25, 0.25, 0.25))]
+
+
 # lamps
 
 
@@ -363,11 +446,24 @@ def test_a_lamps_node_tree_scales_its_power():
     assert extract().scene.lights[0].intensity == pytest.approx((300 / (4 * pi),) * 3)
 
 
+def test_a_lamp_without_shadow_says_so():
+    add_mesh()
+    add_lamp("POINT", use_shadow=False)
+    assert not extract().scene.lights[0].shadow
+
+
+def test_light_linking_is_warned_about():
+    add_mesh()
+    add_lamp("POINT").light_linking.receiver_collection = bpy.data.collections.new("few")
+    assert any("light linking" in warning for warning in extract().warnings)
+
+
 def test_lamps_hidden_in_renders_portals_and_those_without_power_are_left_out():
     add_mesh()
     add_lamp("POINT", "hidden").hide_render = True
     add_lamp("POINT", "off", energy=0)
     add_lamp("POINT", "not for diffuse").visible_diffuse = False
+    add_lamp("AREA", "portal").data.cycles.is_portal = True
     assert extract().scene.lights == ()
 
 
@@ -512,8 +608,6 @@ def test_a_cyclic_material_skips_its_object_by_name():
 
 
 def test_a_million_triangles_are_read_within_seconds():
-    import time
-
     side = 708
     x, y = np.meshgrid(np.arange(side), np.arange(side))
     vertices = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3).astype(np.float32)

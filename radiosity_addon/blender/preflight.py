@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What stops a bake before it begins, with the object and the remedy."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..arrays import Float64
+from ..errors import SceneError
+from .names import UV_MAP, has_our_uv_map
+
+MAX_COORDINATE = 1e15
+"""m; beyond it squares overflow float32."""
+
+FLAT_SCALE = 1e-7
+"""A matrix that shrinks one direction by this share of another is singular in float32."""
+
+MAX_TRIANGLES = 50_000_000
+TRIANGLE_BYTES = 300
+"""What a triangle takes in the records and the ray tracer together, roughly."""
+
+MAX_UV_MAPS = 8
+
+
+def check_can_carry(thing: bpy.types.Object) -> None:
+    """Whether a lightmap can be put on an object.
+
+    Raises:
+        SceneError: it is linked or missing, or its uv maps leave no room
+    """
+    data = thing.data
+    local = "Make it local, or set it to only shadow and bounce light"
+    if getattr(thing, "is_missing", False) or getattr(data, "is_missing", False):
+        raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
+    if not thing.is_editable:
+        raise SceneError(thing.name, "it is linked from another file", local)
+    if not data.is_editable and thing.override_library is None:
+        raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
+    if not isinstance(data, bpy.types.Mesh) or has_our_uv_map(data):
+        return
+    if UV_MAP in data.uv_layers:
+        raise SceneError(thing.name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
+    if len(data.uv_layers) >= MAX_UV_MAPS:
+        raise SceneError(thing.name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
+
+
+def check_memory(name: str, triangles: int) -> None:
+    """Whether the scene's triangles up to this object can be held.
+
+    Raises:
+        SceneError: they are too many
+    """
+    if triangles > MAX_TRIANGLES:
+        gigabytes = triangles * TRIANGLE_BYTES / 1e9
+        raise SceneError(
+            name,
+            f"with it the scene has {triangles:,} triangles and needs {gigabytes:.0f} GB of memory or more",
+            "Lower its subdivision or number of instances, or exclude objects from the bake",
+        )
+
+
+def check_size(name: str, vertices: Float64) -> None:
+    """Whether vertices (V, 3), m, are within what ray tracing can hold.
+
+    Raises:
+        SceneError: they are too far out
+    """
+    if len(vertices) and np.abs(vertices).max() >= MAX_COORDINATE:
+        raise SceneError(
+            name, f"it has vertices {MAX_COORDINATE:g} m or more from the origin", "Move or scale it closer"
+        )
+
+
+def finite_matrix(item: bpy.types.DepsgraphObjectInstance) -> Float64:
+    """World matrix of an object or instance, (4, 4).
+
+    Raises:
+        SceneError: it holds NaN or infinity
+    """
+    matrix = np.array(item.matrix_world, np.float64)
+    if not np.isfinite(matrix).all():
+        raise SceneError(
+            item.object.name, "its transform holds values that are not finite numbers", "Clear its transform"
+        )
+    return matrix
+
+
+def is_flat(matrix: Float64) -> bool:
+    """Whether a matrix squeezes everything onto a plane, line or point."""
+    singular = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(singular[2] <= FLAT_SCALE * singular[0])
