@@ -23,6 +23,9 @@ LOOKS = (
 )  # fmt: skip
 """Properties of an object that decide how and where it is seen."""
 
+VISIBILITY = ("hide_render", "hide_viewport", "show_instancer_for_render", "show_instancer_for_viewport")
+"""Properties of an object that a stand-in's original loses and gets back."""
+
 
 def make_stand_in(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph, token: str) -> bpy.types.Object:
     """An object that shows the original as `depsgraph` has it, materials included, in no collection yet.
@@ -37,6 +40,9 @@ def make_stand_in(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph, to
     mesh.materials.clear()
     for material in materials:
         mesh.materials.append(material)
+    if hasattr(original.data, "texspace_location"):  # generated texture coordinates
+        mesh.use_auto_texspace = False
+        mesh.texspace_location, mesh.texspace_size = original.data.texspace_location, original.data.texspace_size
     stand_in = bpy.data.objects.new(original.name, mesh)
     stand_in[BAKE_KEY] = token
     stand_in[STAND_IN_KEY] = original
@@ -48,8 +54,24 @@ def make_stand_in(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph, to
     return stand_in
 
 
-def swap_in(original: bpy.types.Object, stand_in: bpy.types.Object, token: str) -> None:
-    """Show the stand-in wherever the original is seen, and hide the original."""
+def instancers(depsgraph: bpy.types.Depsgraph) -> set[str]:
+    """Names of the objects that show instances of others."""
+    return {
+        item.parent.original.name
+        for item in depsgraph.object_instances
+        if item.is_instance and item.parent.original != item.object.original
+    }
+
+
+def swap_in(original: bpy.types.Object, stand_in: bpy.types.Object, token: str, instances: bool) -> None:
+    """Show the stand-in wherever the original is seen, and hide the original.
+
+    Args:
+        original: the user's object
+        stand_in: in no collection yet
+        token: the bake's
+        instances: the original shows instances of other objects, which must stay in sight
+    """
     stand_in.name = stand_in.data.name = f"{original.name} (Radiosity)"
     for name in LOOKS:
         setattr(stand_in, name, getattr(original, name))
@@ -63,19 +85,19 @@ def swap_in(original: bpy.types.Object, stand_in: bpy.types.Object, token: str) 
                 if original.select_get(view_layer=layer):
                     selected.append([scene.name, layer.name])
     original[BAKE_KEY] = token
-    original[HIDDEN_KEY] = {
-        "render": original.hide_render,
-        "viewport": original.hide_viewport,
-        "selected": json.dumps(selected),
-    }
-    original.hide_render = original.hide_viewport = True
+    original[HIDDEN_KEY] = {name: getattr(original, name) for name in VISIBILITY} | {"selected": json.dumps(selected)}
+    if instances:
+        original.show_instancer_for_render = original.show_instancer_for_viewport = False
+    else:
+        original.hide_render = original.hide_viewport = True
 
 
 def swap_out(original: bpy.types.Object) -> None:
     """Show an object again as it was before its stand-in took over."""
     kept = original[HIDDEN_KEY].to_dict()
     del original[HIDDEN_KEY]
-    original.hide_render, original.hide_viewport = bool(kept["render"]), bool(kept["viewport"])
+    for name in VISIBILITY:
+        setattr(original, name, bool(kept[name]))
     for scene_name, layer_name in json.loads(kept["selected"]):
         scene = bpy.data.scenes.get(scene_name)
         layer = scene and scene.view_layers.get(layer_name)
@@ -87,18 +109,19 @@ def swap_out(original: bpy.types.Object) -> None:
 def as_unbaked(scene: bpy.types.Scene) -> Iterator[None]:
     """Within, the originals are seen as before the bake and the stand-ins are not."""
     things = [thing for thing in scene.objects if is_stand_in(thing) or is_behind_stand_in(thing)]
-    before = [(thing, thing.hide_render, thing.hide_viewport) for thing in things]
+    before = [(thing, {name: getattr(thing, name) for name in VISIBILITY}) for thing in things]
     for thing in things:
         if is_stand_in(thing):
             thing.hide_render = thing.hide_viewport = True
-        else:
-            kept = thing[HIDDEN_KEY]
-            thing.hide_render, thing.hide_viewport = bool(kept["render"]), bool(kept["viewport"])
+            continue
+        for name in VISIBILITY:
+            setattr(thing, name, bool(thing[HIDDEN_KEY][name]))
     try:
         yield
     finally:
-        for thing, render, viewport in before:
-            thing.hide_render, thing.hide_viewport = render, viewport
+        for thing, visibility in before:
+            for name, shown in visibility.items():
+                setattr(thing, name, shown)
 
 
 def _collections(original: bpy.types.Object) -> list[bpy.types.Collection]:

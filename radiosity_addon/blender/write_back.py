@@ -23,7 +23,7 @@ from .extract import Extraction, check_can_carry
 from .names import BAKE_KEY, PAGE_KEY, SLOT_KEY, UV_KEY, UV_MAP, has_our_uv_map
 from .preview_materials import PreviewMaterials
 from .revert import take_out
-from .stand_in import as_unbaked, make_stand_in, swap_in
+from .stand_in import as_unbaked, instancers, make_stand_in, swap_in
 
 if TYPE_CHECKING:
     from ..unwrap import Atlas
@@ -38,6 +38,7 @@ class _Place:
         target: the object that will carry the uv map: the source itself, or its stand-in once that is made
         index: of its mesh in the scene records and in the atlas
         uv: (L, 2) float32, by loop of the evaluated mesh, up to the last loop used
+        instances: the source shows instances of other objects
     """
 
     source: bpy.types.Object
@@ -45,6 +46,7 @@ class _Place:
     index: int
     page: int
     uv: Float32
+    instances: bool = False
 
     @property
     def own_mesh(self) -> bool:
@@ -120,7 +122,7 @@ def leave_edit_mode(scene: bpy.types.Scene) -> None:
 def _find_places(extraction: Extraction, atlas: Atlas) -> list[_Place]:
     places = []
     for index, source in enumerate(extraction.sources):
-        if atlas.page[index] < 0:
+        if not 0 <= atlas.page[index] < atlas.page_count:
             continue
         thing = bpy.data.objects.get(source.object_name)
         if thing is None:
@@ -183,8 +185,10 @@ def _make_stand_ins(scene: bpy.types.Scene, places: list[_Place], token: str) ->
     wanted = [place for place in places if not place.own_mesh]
 
     def make(depsgraph: bpy.types.Depsgraph) -> None:
+        showing = instancers(depsgraph)
         for place in wanted:
             place.target = make_stand_in(place.source, depsgraph, token)
+            place.instances = place.source.name in showing
 
     if not wanted:
         return
@@ -205,7 +209,7 @@ def _switch(places: list[_Place], images: list[bpy.types.Image], mode: str, toke
             _show_preview(place.target, place.page, previews)
     for place in places:
         if not place.own_mesh:
-            swap_in(place.source, place.target, token)
+            swap_in(place.source, place.target, token, place.instances)
 
 
 def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:

@@ -9,7 +9,11 @@ import pytest
 from mathutils import Matrix
 
 from radiosity_addon.blender import write_back as module
+from radiosity_addon.blender.evaluation import at_render_settings
+from radiosity_addon.blender.extract import extract_scene
 from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in
+from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.stand_in import as_unbaked
 from radiosity_addon.blender.write_back import write_back
 from radiosity_addon.errors import OutputError, SceneError
 from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad
@@ -133,6 +137,90 @@ def test_a_stand_in_is_seen_by_the_same_rays(tmp_path):
     assert (stand_in.visible_shadow, stand_in.visible_camera, stand_in.visible_diffuse) == (False, False, True)
     assert stand_in["tint"] == 0.25
     assert not stand_in.hide_render
+
+
+def scattered(ground: bpy.types.Object, leaf: bpy.types.Object) -> None:
+    """Geometry nodes that put an instance of the leaf on each corner of the ground."""
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo")
+    start, end, instances, info = (tree.nodes.new(kind) for kind in kinds)
+    join = tree.nodes.new("GeometryNodeJoinGeometry")
+    info.inputs["Object"].default_value = leaf
+    info.inputs["As Instance"].default_value = True
+    tree.links.new(start.outputs[0], instances.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], instances.inputs["Instance"])
+    tree.links.new(instances.outputs[0], join.inputs[0])
+    tree.links.new(start.outputs[0], join.inputs[0])
+    tree.links.new(join.outputs[0], end.inputs[0])
+    ground.modifiers.new("Scatter", "NODES").node_group = tree
+
+
+def test_instances_stay_in_sight_when_what_scatters_them_gets_a_stand_in(tmp_path):
+    ground, leaf = quad("Ground"), quad("Leaf")
+    scattered(ground, leaf)
+    before = snapshot()
+    bake([ground, leaf], tmp_path)
+
+    def seen(depsgraph):
+        return sorted(item.object.name for item in depsgraph.object_instances if item.object.type == "MESH")
+
+    assert at_render_settings(bpy.context.scene, seen) == ["Ground (Radiosity)", *["Leaf"] * 5]
+    with as_unbaked(bpy.context.scene):
+        assert at_render_settings(bpy.context.scene, seen) == ["Ground", *["Leaf"] * 5]
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+
+
+def test_a_stand_in_has_the_originals_generated_coordinates(tmp_path):
+    sofa = quad("Sofa")
+    sofa.data.use_auto_texspace = False
+    sofa.data.texspace_location = (1, 2, 3)
+    sofa.modifiers.new("Subdivision", "SUBSURF")
+    bake([sofa], tmp_path)
+    assert bpy.data.objects["Sofa (Radiosity)"].data.texspace_location[:] == (1, 2, 3)
+
+
+@pytest.mark.parametrize("kind", ["CURVE", "SURFACE", "FONT", "META", "MESH"])
+def test_what_the_extractor_reads_of_each_kind_fits_its_stand_in(tmp_path, kind):
+    thing = curve("Thing") if kind == "CURVE" else quad("Thing")
+    if kind == "MESH":
+        thing.modifiers.new("Mirror", "MIRROR")
+        thing.modifiers.new("Bevel", "BEVEL")
+    elif kind != "CURVE":
+        bpy.data.objects.remove(thing)
+        {
+            "SURFACE": bpy.ops.surface.primitive_nurbs_surface_sphere_add,
+            "FONT": bpy.ops.object.text_add,
+            "META": bpy.ops.object.metaball_add,
+        }[kind]()
+        thing = bpy.context.object
+        thing.name = "Thing"
+    extraction = extract_scene(bpy.context.scene)
+    write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)])
+    mesh = bpy.data.objects["Thing (Radiosity)"].data
+    corner = extraction.scene.meshes[0].corner
+    vertices = np.array([mesh.vertices[mesh.loops[loop].vertex_index].co for loop in corner.ravel()])
+    read = extraction.scene.meshes[0]
+    np.testing.assert_allclose(vertices, read.vertices[read.triangles].reshape(-1, 3), atol=1e-5)
+
+
+def test_a_library_override_gets_a_stand_in_as_its_mesh_can_not_be_edited(tmp_path):
+    quad("Wall")
+    library = tmp_path / "library.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(str(library), link=True) as (_, target):
+        target.objects = ["Wall"]
+    wall = bpy.data.objects["Wall"].override_create()
+    bpy.context.scene.collection.objects.link(wall)
+    extraction = extract_scene(bpy.context.scene)
+    write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)])
+    assert wall.hide_render
+    assert UV_MAP in bpy.data.objects["Wall (Radiosity)"].data.uv_layers
+    revert(bpy.context.scene)
+    assert not wall.hide_render
 
 
 def test_images_hold_unscaled_data_and_have_users(tmp_path):
