@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One picture of a sample scene path traced and baked, side by side: `python benchmarks/side_by_side.py [SCENE]`.
+
+Both halves are rendered by Cycles from the scene's camera: the left one traces all the scene's light, many samples and
+all bounces, denoised; the right one shows the baked scene, in which every surface gives off the light on its lightmap.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tests.accuracy.probes import judge
+
+ROOT = Path(__file__).resolve().parents[1]
+GAP = 8
+"""White pixels between the halves."""
+
+
+def path_traced(blend: Path, samples: int, threads: int, picture: Path) -> None:
+    """Render a scene as it is, to the end of the light."""
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    judge(scene, samples, seed=0, threads=threads)
+    scene.cycles.use_denoising = True
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.image_settings.color_mode = "RGB"
+    scene.render.filepath = str(picture)
+    bpy.ops.render.render(write_still=True)
+
+
+def baked(blend: Path, page_size: int, quality: str, picture: Path) -> None:
+    """Bake a scene by the command line and render it."""
+    command = [sys.executable, "-m", "radiosity_addon", "bake", blend, "-o", picture.with_suffix(".blend")]
+    options = ["--page-size", page_size, "--quality", quality, "--render", picture]
+    subprocess.run([str(part) for part in command + options], check=True, cwd=ROOT)
+
+
+def pixels(picture: Path) -> np.ndarray:
+    """(H, W, 4) of a PNG, as stored in it, first row below."""
+    image = bpy.data.images.load(str(picture))
+    image.colorspace_settings.name = "Non-Color"
+    width, height = image.size
+    flat = np.empty(4 * width * height, np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(height, width, 4)
+
+
+def write(picture: Path, values: np.ndarray) -> None:
+    """Write (H, W, 4) as a PNG, as they are."""
+    height, width = values.shape[:2]
+    image = bpy.data.images.new("Side by side", width, height, alpha=False)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(np.ascontiguousarray(values, np.float32).ravel())
+    image.file_format, image.filepath_raw = "PNG", str(picture)
+    image.save()
+
+
+def main() -> None:
+    """Render both halves and join them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", nargs="?", default="cornell_box", help="a sample scene; default: cornell_box")
+    parser.add_argument("--samples", type=int, default=512, help="of the path tracer; default: 512")
+    parser.add_argument("--threads", type=int, default=0, help="of the path tracer; default: 0, all")
+    parser.add_argument("--page-size", type=int, default=1024, help="default: 1024")
+    parser.add_argument("--quality", default="high", help="of the bake; default: high")
+    parser.add_argument("--left", type=Path, help="a picture to take as the path traced half")
+    parser.add_argument("-o", dest="output", type=Path, help="default: docs/pictures/SCENE_side_by_side.png")
+    options = parser.parse_args()
+    blend = ROOT / "sample_scenes" / f"{options.scene}.blend"
+    output = options.output or ROOT / "docs" / "pictures" / f"{options.scene.removesuffix('_box')}_side_by_side.png"
+    with tempfile.TemporaryDirectory() as folder:
+        left, right = options.left or Path(folder) / "traced.png", Path(folder) / "baked.png"
+        if not options.left:
+            path_traced(blend, options.samples, options.threads, left)
+        baked(blend, options.page_size, options.quality, right)
+        halves = pixels(left), pixels(right)
+        difference = np.abs(halves[0] - halves[1])[..., :3]
+        gap = np.ones((len(halves[0]), GAP, 4), np.float32)
+        output.parent.mkdir(parents=True, exist_ok=True)
+        write(output, np.concatenate([halves[0], gap, halves[1]], axis=1))
+    print(f"{output}: mean difference {255 * difference.mean():.2f} of 255, largest {255 * difference.max():.0f}")
+
+
+if __name__ == "__main__":
+    main()
