@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import bpy
 
+from .materials import DEFAULT_REFLECTANCE, tree_of
 from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, UV_MAP
 from .preview_nodes import BLACK, Look, ShaderReader
 
 ENGINES = ("CYCLES", "EEVEE")
-UNLINKED_GREY = (0.8, 0.8, 0.8)
-"""Albedo that Cycles gives to a face without material."""
 
 
 class PreviewMaterials:
@@ -54,9 +53,9 @@ class PreviewMaterials:
 
 def _show(material: bpy.types.Material, empty: bool, image: bpy.types.Image, token: str) -> bool:
     """Rewire a copy to show its lightmap; returns whether it emits light of its own."""
-    if empty or material.node_tree is None:
-        plain = Look(albedo=UNLINKED_GREY if empty else tuple(material.diffuse_color[:3]))
-        if material.node_tree is None:
+    if empty or tree_of(material) is None:
+        plain = Look(albedo=DEFAULT_REFLECTANCE if empty else tuple(material.diffuse_color[:3]))
+        if tree_of(material) is None:
             material.use_nodes = True
         material.node_tree.nodes.clear()
         end = material.node_tree.nodes.new("ShaderNodeOutputMaterial")

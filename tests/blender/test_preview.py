@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +15,7 @@ import pytest
 from radiosity_addon.blender.materials import read_material
 from tests.blender.baked import bake, diffuse, quad, shader
 
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = 0.5
 """What every texel of the page holds."""
 WORLD = 7.0
@@ -253,6 +256,53 @@ def test_what_was_not_baked_is_lit_by_the_baked_surface(tmp_path):
     lamp.data.energy = 0
     world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0
     np.testing.assert_allclose(rendered(tmp_path, samples=1024), 0.8 * 2.0 * 0.2394565, rtol=0.03)
+
+
+@pytest.mark.skipif(bpy.app.version >= (5, 0), reason="materials always have nodes from Blender 5.0 on")
+def test_a_material_that_does_not_use_its_nodes_shows_its_plain_colour(tmp_path):
+    material = diffuse("Material", 0.1)
+    material.use_nodes = False
+    material.diffuse_color = (0.8, 0.4, 0.2, 1)
+    np.testing.assert_allclose(shown(material, tmp_path), (0.4, 0.2, 0.1), rtol=1e-3)
+
+
+EEVEE_SCENE = """
+import sys
+from pathlib import Path
+import bpy
+from tests.blender.baked import bake, quad
+from tests.blender.test_preview import EEVEE_CASES, CASES, PAGE, light_and_camera
+bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+walls = []
+for index, case in enumerate(EEVEE_CASES):
+    walls.append(quad(case, CASES[case][0]()))
+    walls[-1].location.x = 2 * index - len(EEVEE_CASES) + 1
+bake(walls, Path(sys.argv[1]), value=PAGE)
+camera, _, _ = light_and_camera()
+camera.data.ortho_scale = 2 * len(EEVEE_CASES)
+scene = bpy.context.scene
+scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
+scene.eevee.taa_render_samples = 1
+scene.render.resolution_x, scene.render.resolution_y = 8 * len(EEVEE_CASES), 8
+scene.render.resolution_percentage = 100
+scene.render.image_settings.file_format = "OPEN_EXR"
+scene.render.image_settings.color_depth = "32"
+scene.render.filepath = str(Path(sys.argv[1]) / "eevee.exr")
+bpy.ops.render.render(write_still=True)
+"""
+EEVEE_CASES = ("diffuse", "mix", "image", "group", "transparent")
+
+
+@pytest.mark.slow
+def test_eevee_shows_the_same(tmp_path):
+    """In a process of its own: without OpenGL Blender ends it."""
+    subprocess.run([sys.executable, "-c", EEVEE_SCENE, str(tmp_path)], cwd=ROOT, timeout=300, check=False)
+    if not (tmp_path / "eevee.exr").exists():
+        pytest.skip("Eevee needs OpenGL, which this machine does not offer to a program without a screen")
+    picture = bpy.data.images.load(str(tmp_path / "eevee.exr"))
+    picture.colorspace_settings.is_data = True
+    pixels = np.array(picture.pixels[:]).reshape(8, len(EEVEE_CASES), 8, -1)[4, :, 4, :3]
+    np.testing.assert_allclose(pixels, [CASES[case][1] for case in EEVEE_CASES], rtol=2e-3)
 
 
 def test_a_circle_of_links_comes_to_an_end(tmp_path):
