@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from .errors import BakeError, SceneError
 from .progress import Meter, count_of
-from .settings import QUALITIES
+from .settings import QUALITIES, BakeSettings
 
 if TYPE_CHECKING:
     from .report import Report
@@ -99,9 +99,12 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     bake.add_argument("-o", dest="output", type=_blend, required=True, metavar="BAKED.blend", help="the lit scene")
     bake.add_argument("--textures", type=Path, metavar="DIR", help="folder of the pages; default: BAKED_textures")
     _add_density(bake)
-    bake.add_argument("--quality", choices=QUALITIES, help="numbers of rays; default: medium")
+    bake.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
     bake.add_argument(
-        "--tolerance", type=float, metavar="F", help="share of the light left to bounce at the end; default: 0.001"
+        "--tolerance",
+        type=float,
+        metavar="F",
+        help=f"share of the light left to bounce at the end; default: {BakeSettings.tolerance:g}",
     )
     bake.add_argument(
         "--write-back",
@@ -139,7 +142,9 @@ def _add_scene(verb: argparse.ArgumentParser, text: str, opened: str | None) -> 
 
 def _add_density(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--density", type=float, metavar="F", help="texels per metre; default: fill one page")
-    verb.add_argument("--page-size", type=int, metavar="N", help="texels along a page's edge; default: 1024")
+    verb.add_argument(
+        "--page-size", type=int, metavar="N", help=f"texels along a page's edge; default: {BakeSettings.page_size}"
+    )
 
 
 def _blend(text: str) -> Path:
@@ -176,11 +181,11 @@ def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
         raise BakeError(
             "Blender", "its Python module bpy is not installed", "Run `pip install .` on Python 3.11 or 3.13"
         )
-    from .blender import commands, registered
+    from .blender import blend_files, commands, registered
 
     with registered():
         if not is_open:
-            commands.open_scene(verb.scene)
+            blend_files.open_blend(verb.scene)
         if verb.name == "bake":
             _say_result(commands.bake(verb, meter), verb, meter)
         elif verb.name == "revert":

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 BAR_WIDTH = 24
 REDRAW_SECONDS = 0.1
 ESTIMATE_SECONDS = 1.0
-"""A remaining time is not guessed before a bake has run this long."""
+ESTIMATE_SHARE = 0.05
+"""A remaining time is not guessed before a bake has run this long and come this far."""
 LINE_SECONDS = 10.0
 """Where there is no terminal, a long stage says this often how far it is."""
 
@@ -73,7 +74,7 @@ def describe(progress: Progress, seconds: float) -> str:
         parts.append(f"residual {progress.residual:.2g}")
     if progress.rays and seconds > 0:
         parts.append(f"{count_of(progress.rays / seconds)} rays/s")
-    if 0 < progress.fraction < 1 and seconds > ESTIMATE_SECONDS:
+    if ESTIMATE_SHARE < progress.fraction < 1 and seconds > ESTIMATE_SECONDS:
         parts.append(f"{duration(seconds * (1 / progress.fraction - 1))} left")
     return ", ".join(parts)
 

@@ -91,11 +91,13 @@ def info(verb: Verb) -> str:
     with silence():
         extraction = extract_scene(scene)
         atlas = finish(build_atlas(extraction.scene, settings))
-    texels = _texels(atlas)
     lines = ["Baked:"]
+    total = 0
     for index, mesh in enumerate(extraction.scene.meshes):
-        if atlas.page[index] >= 0:
-            place = f"page {atlas.page[index] + 1}, about {texels[index]:,} texels, {atlas.density[index]:.4g} a metre"
+        if 0 <= atlas.page[index] < atlas.page_count:
+            texels = _texels(atlas, index)
+            total += texels
+            place = f"page {atlas.page[index] + 1}, about {texels:,} texels, {atlas.density[index]:.4g} a metre"
             lines.append(f"  {mesh.name}: {place}")
     if extraction.skipped:
         lines.append("Not baked:")
@@ -105,21 +107,16 @@ def info(verb: Verb) -> str:
         lines.append("Warnings:")
         lines += [f"  {warning}" for warning in warnings]
     pages = f"{atlas.page_count} page{'s' * (atlas.page_count != 1)} of {atlas.size} x {atlas.size}"
-    memory = (sum(texels) * BYTES_PER_TEXEL + BYTES_OF_CHUNKS) / 1e9
-    lines.append(
-        f"In all: {pages}, about {sum(texels):,} texels, at most {memory:.1f} GB of memory beside Blender itself"
-    )
+    memory = (total * BYTES_PER_TEXEL + BYTES_OF_CHUNKS) / 1e9
+    lines.append(f"In all: {pages}, about {total:,} texels, at most {memory:.1f} GB of memory beside Blender itself")
     return "\n".join(lines)
 
 
-def _texels(atlas: Atlas) -> list[int]:
-    """Texels that each mesh covers, by the area of its uv map."""
-    counts = []
-    for uv in atlas.uv:
-        a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-        area = float(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(dtype=np.float64)) / 2
-        counts.append(round(area * atlas.size**2))
-    return counts
+def _texels(atlas: Atlas, mesh: int) -> int:
+    """Texels that a mesh covers, by the area of its uv map."""
+    uv = atlas.uv[mesh].astype(np.float64)
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    return round(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2 * atlas.size**2)
 
 
 def _settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:

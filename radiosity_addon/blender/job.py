@@ -76,7 +76,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         scene = _still_there(scene_name)
         rows, images = write_back(scene, extraction, baked.atlas, paths, mode=job.write_back, pack=job.folder is None)
     end = time.perf_counter()
-    lit = [index for index, page in enumerate(baked.atlas.page) if page >= 0]
+    lit = [index for index, page in enumerate(baked.atlas.page) if 0 <= page < baked.atlas.page_count]
     return Report(
         pages=[Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"])) for row in images],
         objects=[

@@ -8,6 +8,9 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..settings import MAX_PAGE_SIZE, BakeSettings
 
+RELATIVE_PATH = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else {"ANIMATABLE"}
+"""Before 4.5 every path could be relative to the .blend."""
+
 
 class RadiositySceneSettings(bpy.types.PropertyGroup):
     """Settings of a scene's bake."""
@@ -28,7 +31,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
     page_size: IntProperty(
         name="Page Size",
         description="Texels along an edge of a lightmap image",
-        default=1024,
+        default=BakeSettings.page_size,
         min=16,
         max=MAX_PAGE_SIZE,
         subtype="PIXEL",
@@ -41,12 +44,12 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
             ("medium", "Medium", "Good for most scenes"),
             ("high", "High", "For the last bake, a few times slower"),
         ),
-        default="medium",
+        default=BakeSettings.quality,
     )
     tolerance: FloatProperty(
         name="Tolerance",
         description="Share of the emitted light that may be left to bounce when the solver stops",
-        default=1e-3,
+        default=BakeSettings.tolerance,
         min=1e-8,
         max=0.5,
         precision=6,
@@ -55,7 +58,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
     threads: IntProperty(
         name="Threads",
         description="Processors to use, 0 for all",
-        default=0,
+        default=BakeSettings.threads,
         min=0,
         max=1024,
     )
@@ -77,6 +80,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         description="Folder of the lightmap images. Empty: beside the .blend file, or packed while it is unsaved",
         default="",
         subtype="DIR_PATH",
+        options=RELATIVE_PATH,
     )
 
     def bake_settings(self) -> BakeSettings:
