@@ -58,13 +58,16 @@ class Extraction:
         scene: the core's records
         sources: one for each of Scene.meshes
         skipped: objects that get no lightmap, with the reason
-        warnings: what had to be approximated
     """
 
     scene: Scene
     sources: tuple[Source, ...]
     skipped: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What had to be approximated."""
+        return self.scene.warnings
 
 
 def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
@@ -138,7 +141,7 @@ class _Reading:
             working_space=working_space(),
             warnings=tuple(self.warnings),
         )
-        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()), tuple(self.warnings))
+        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()))
 
     def nothing_to_bake(self) -> SceneError:
         reasons = [

@@ -12,7 +12,8 @@ import pytest
 
 from radiosity_addon.blender.evaluation import at_render_settings
 from radiosity_addon.blender.extract import Extraction, extract_scene
-from radiosity_addon.blender.names import HIDDEN_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
+from radiosity_addon.blender.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
+from radiosity_addon.blender.stand_in import swap_in
 from radiosity_addon.errors import SceneError
 
 QUAD = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
@@ -354,14 +355,13 @@ def test_a_kept_uv_map_is_read_by_corner_also_when_mirrored():
 def test_an_object_behind_its_stand_in_is_read_in_its_place():
     thing = add_cube("original")
     thing.modifiers.new("s", "SUBSURF").render_levels = 1
-    shown = add_mesh("shown")
-    shown[STAND_IN_KEY] = thing
-    thing[HIDDEN_KEY] = {"render": False, "viewport": False, "selected": "[]"}
-    thing.hide_render = thing.hide_viewport = True
+    stand_in = bpy.data.objects.new("stand-in", bpy.data.meshes.new("stand-in"))
+    stand_in[STAND_IN_KEY] = thing
+    swap_in(thing, stand_in, "token", instances=False)
     extraction = extract()
     assert [(mesh.name, len(mesh.triangles)) for mesh in extraction.scene.meshes] == [("original", 48)]
     assert extraction.skipped == ()
-    assert (thing.hide_render, thing.hide_viewport, shown.hide_render) == (True, True, False)
+    assert (thing.hide_render, thing.hide_viewport, stand_in.hide_render) == (True, True, False)
 
 
 def test_a_preview_material_is_read_as_the_users_own():
