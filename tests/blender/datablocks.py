@@ -32,6 +32,12 @@ def snapshot() -> dict[str, Any]:
             continue
         for datablock in getattr(bpy.data, prop.identifier):
             taken[f"{prop.identifier}/{datablock.name}"] = _properties(datablock, 0)
+    for scene in bpy.data.scenes:
+        for layer in scene.view_layers:
+            taken[f"shown/{scene.name}/{layer.name}"] = {
+                thing.name: [thing.select_get(view_layer=layer), thing.hide_get(view_layer=layer)]
+                for thing in layer.objects
+            }
     return taken
 
 
