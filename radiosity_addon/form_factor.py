@@ -45,6 +45,10 @@ BALANCING_POWER = 0.75
 errors in one step, but smooth ones (w near 0) slowly; 3/4 treats w in [-1/3, 1], where those of rooms lie, alike."""
 
 
+SLACK_RAYS = 8
+"""A row's sum may give way in balancing as if by so many rays. 8 to 16 serve alike; more make the sky's share noisy."""
+
+
 @dataclass(frozen=True, eq=False)
 class Transport:
     """How N patches exchange light: K = A F, symmetric and sparse, row by row.
@@ -57,6 +61,7 @@ class Transport:
         column: (P,) int32, rising within a row
         exchange: (P,) float32, m2, entries of K
         escaped: (N,) float64, share of what leaves a patch that reaches no patch: 1 less its row's sum of F
+        sky: (N,) float64, share of a patch's view that is sky: as `escaped`, but 0 where a patch is buried
         rays: (N,) int64, rays that a row was estimated from
         workers: threads
     """
@@ -66,6 +71,7 @@ class Transport:
     column: Int32
     exchange: Float32
     escaped: Float64
+    sky: Float64
     rays: Int64
     workers: int = 1
 
@@ -184,34 +190,40 @@ def join_hits(area: Float64, rays: Int64, target: Int32, workers: int) -> Genera
     )
     first = np.concatenate([[0], np.cumsum(first)])
     del parts
-    # A patch without any valid ray is buried: what little it seems to exchange is drowned by its whole area.
-    lost = np.where(counted > 0, gone / np.maximum(counted, 1), 1.0) * area
-    yield from scaled(balance(area, lost, first, column, exchange, workers), 0.9, 1.0)
+    yield from scaled(balance(area, counted - gone, counted, first, column, exchange, workers), 0.9, 1.0)
     reached = _row_sums(first, column, exchange, np.ones((1, count)), workers)[0]
-    return Transport(area, first, column, exchange, 1 - reached / area, counted, workers)
+    escaped = 1 - reached / area
+    sky = np.where(gone > 0, np.maximum(escaped, 0), 0)
+    return Transport(area, first, column, exchange, escaped, sky, counted, workers)
 
 
 def balance(
-    area: Float64, lost: Float64, first: Int64, column: Int32, exchange: Float32, workers: int
+    area: Float64, hits: Int64, rays: Int64, first: Int64, column: Int32, exchange: Float32, workers: int
 ) -> Generator[float, None, None]:
-    """Scale the symmetric `exchange`, in place, so that what is exchanged and what escapes make up each row's area.
+    """Scale the symmetric `exchange`, in place, so that each row sums to what its patch was counted to see.
 
-    Finds d with d_i (sum_j K_ij d_j + lost_i) = area_i, by damped steps of the symmetric scaling of Sinkhorn and Knopp
-    (Knight, Ruiz and Ucar 2014), and K_ij becomes d_i K_ij d_j. The sky is one more partner of each patch, itself
-    bound to no sum: were the escaped share held as counted, two plates that face each other could not both be right.
+    Finds d with d_i (sum_j K_ij d_j + slack_i) = seen_i + slack_i, by damped steps of the symmetric scaling of Sinkhorn
+    and Knopp (Knight, Ruiz and Ucar 2014); K_ij becomes d_i K_ij d_j. Without slack two plates that face each other
+    and count differently what escapes them could not both be right. The slack falls with the rays, as the variance of
+    the count does, and is no more than what escapes: rows of closed rooms sum to their area, and no row to more.
 
     Args:
-        area: (N,) float64, m2, none of them 0
-        lost: (N,) float64, m2, estimated area times escaped share
+        area: (N,) float64, m2
+        hits, rays: (N,) int64, how many of a patch's rays met a patch
         first, column, exchange: rows as in Transport
         workers: threads
     """
     scale = np.ones(len(area))
+    joined = np.minimum(_row_sums(first, column, exchange, scale[None], workers)[0], area)
+    seen = np.where(hits > 0, area * hits / np.maximum(rays, 1), joined)  # others may have met who met none
+    slack = np.minimum(area * SLACK_RAYS / np.maximum(rays, SLACK_RAYS), area - seen)
+    goal = seen + slack
     for sweep in range(MOST_SWEEPS):
-        sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + lost)
-        if not len(area) or np.abs(sums / area - 1).max() < BALANCED:
+        sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + slack)
+        ratio = np.where(sums > 0, sums / np.where(goal > 0, goal, 1), 1)
+        if np.abs(ratio - 1).max(initial=0) < BALANCED:
             break
-        scale *= (area / np.maximum(sums, 1e-30 * area)) ** BALANCING_POWER
+        scale *= ratio**-BALANCING_POWER
         yield sweep / MOST_SWEEPS
     _scale_entries(first, column, exchange, np.multiply, scale)
     reached = _row_sums(first, column, exchange, np.ones((1, len(area))), workers)[0]

@@ -159,6 +159,13 @@ def test_a_buried_patch_keeps_its_light():
     transport = finish(join_hits(np.ones(3), np.array([4, 4, 4]), target, 1))
     assert transport.dense()[0].sum() == 0
     assert transport.escaped == pytest.approx([1, 0, 0], abs=1e-6)
+    assert not transport.sky.any()
+
+
+def test_share_of_sky_is_what_the_exact_form_factor_leaves():
+    """Over a 1 x 1 m floor 1 m below a ceiling of its size, 1 - 0.1998249 is open."""
+    floor, ceiling = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), rectangle((0, 0, 1), (0, 1, 0), (1, 0, 0))
+    assert Facets(*joined(floor, ceiling)).transport(MANY).sky == pytest.approx([0.8001751] * 2, rel=0.002)
 
 
 def test_a_scene_without_patches_has_an_empty_transport():
@@ -181,7 +188,7 @@ def test_joining_in_blocks_changes_nothing(monkeypatch):
 def test_transport_is_the_same_for_any_number_of_threads():
     room = box((3, 2, 1), 8)
     one, two = room.transport(256, workers=1), room.transport(256, workers=2)
-    for name in ("first", "column", "exchange", "escaped", "rays"):
+    for name in ("first", "column", "exchange", "escaped", "sky", "rays"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
@@ -202,7 +209,7 @@ def test_gather_multiplies_by_the_whole_matrix():
 
 def test_gather_passes_over_patches_that_see_nothing():
     transport = Transport(
-        np.ones(3), np.array([0, 0, 1, 1]), np.int32([1]), np.float32([0.5]), np.zeros(3), np.ones(3, int)
+        np.ones(3), np.array([0, 0, 1, 1]), np.int32([1]), np.float32([0.5]), *np.zeros((2, 3)), np.ones(3, int)
     )
     assert np.array_equal(transport.gather(np.ones((3, 1))), [[0], [0.5], [0]])
 
