@@ -264,7 +264,7 @@ class ShaderReader(Arithmetic):
     def _emission(self, node: bpy.types.Node) -> Color:
         if node.type == "BSDF_PRINCIPLED":
             color, strength = node.inputs["Emission Color"], node.inputs["Emission Strength"]
-        elif node.type == "EMISSION":
+        elif node.type in ("EMISSION", "BACKGROUND"):
             color, strength = node.inputs["Color"], node.inputs["Strength"]
         else:
             return BLACK

@@ -211,6 +211,13 @@ def test_a_half_transparent_surface_shows_half_of_what_is_behind(tmp_path):
     np.testing.assert_allclose(shown(material, tmp_path), (2 + WORLD) / 2, rtol=1e-3)
 
 
+def test_a_pane_of_glass_is_looked_through(tmp_path):
+    material = shader("Pane", "ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.5)
+    reflected = np.array(read_material(material, 0, lambda text: None).reflectance)
+    assert 0.04 < reflected[0] < 0.1
+    np.testing.assert_allclose(shown(material, tmp_path), reflected * PAGE + (1 - reflected) * WORLD, rtol=2e-3)
+
+
 PRINCIPLED = {
     "default": {},
     "coloured": {"Base_Color": (0.8, 0.3, 0.1, 1), "Roughness": 0.2},
