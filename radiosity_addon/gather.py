@@ -33,6 +33,9 @@ SPECIAL_ROWS = 3
 RAYS = 1 << 15
 """Rays traced at once."""
 
+PILOT_SHARE = 2 / 3
+"""Of the rays of a point; they also serve where nothing outshines the rest."""
+
 POOL_WIDTH = 3.0
 """Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
 
@@ -92,7 +95,7 @@ class _Rays:
 
     def __init__(self, texels: Texels, patches: Patches, visibility: Visibility, settings: BakeSettings) -> None:
         self.texels, self.patches, self.visibility, self.settings = texels, patches, visibility, settings
-        self.pilots = settings.steps.gather_rays // 2
+        self.pilots = round(settings.steps.gather_rays * PILOT_SHARE)
         self.guided = settings.steps.gather_rays - self.pilots
         self.elements: list[Int32] = []
         self.bins: list[np.ndarray] = []  # type: ignore[type-arg]
