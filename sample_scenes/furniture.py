@@ -260,7 +260,7 @@ def vase(place: Point) -> None:
     body = surface.splines[0]
     body.use_cyclic_u, body.use_endpoint_v = True, True
     body.order_u, body.order_v = 4, 3
-    body.resolution_u, body.resolution_v = 4, 3
+    body.resolution_u, body.resolution_v = 4, 5
     body.use_smooth = True
 
 

@@ -167,7 +167,7 @@ def build_lamps() -> None:
     bulb = lit("Bulb", warm, 120.0)
     smooth(mesh_object("Arc Lamp Bulb", *sphere(0.045, 16, 10), bulb, (head[0], head[1], head[2] + 0.06)), 180)
     curve = bpy.data.curves.new("Arc Lamp Arm", "CURVE")
-    curve.dimensions, curve.bevel_depth, curve.bevel_resolution, curve.resolution_u = "3D", 0.011, 2, 10
+    curve.dimensions, curve.bevel_depth, curve.bevel_resolution, curve.resolution_u = "3D", 0.011, 2, 20
     curve.use_fill_caps = True
     path = curve.splines.new("BEZIER")
     foot = (4.12, 4.62)
@@ -247,7 +247,7 @@ def build() -> bpy.types.Scene:
     build_daylight(scene)
     camera = bpy.data.cameras.new("Camera")
     camera.lens = 21.0
-    scene.camera = put("Camera", camera, (5.4, 0.25, 1.4), rotation_euler=(math.radians(85.5), 0, math.radians(34)))
+    scene.camera = put("Camera", camera, (5.4, 0.25, 1.4), rotation_euler=(math.radians(84.8), 0, math.radians(34)))
     scene.render.resolution_x, scene.render.resolution_y = 1280, 800
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.look = "AgX - Medium High Contrast"
