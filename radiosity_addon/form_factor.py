@@ -44,7 +44,6 @@ BALANCING_POWER = 0.75
 """Exponent of a balancing step. Errors shrink by 1 - power (1 + w) for eigenvalues w of F: 1/2 settles alternating
 errors in one step, but smooth ones (w near 0) slowly; 3/4 treats w in [-1/3, 1], where those of rooms lie, alike."""
 
-
 SLACK_RAYS = 8
 """A row's sum may give way in balancing as if by so many rays. 8 to 16 serve alike; more make the sky's share noisy."""
 
@@ -220,7 +219,7 @@ def balance(
     goal = seen + slack
     for sweep in range(MOST_SWEEPS):
         sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + slack)
-        ratio = np.where(sums > 0, sums / np.where(goal > 0, goal, 1), 1)
+        ratio = sums / goal  # never 0: a row without entries has slack
         if np.abs(ratio - 1).max(initial=0) < BALANCED:
             break
         scale *= ratio**-BALANCING_POWER
