@@ -31,6 +31,7 @@ class PanelLamp(Lamp):
     Attributes:
         polygons: for the closed form
         corner, edge_u, edge_v: (M, 3) float32, m, the cells that samples are spread over
+        normal: (M, 3) float32, unit, their fronts
         ends: (M,) float32, the cells' areas added up, the last one 1
         shape: what a cell is: "parallelogram", "triangle" (at its corner) or "ellipse" (corner is its centre, the
             edges are half axes)
@@ -45,6 +46,7 @@ class PanelLamp(Lamp):
     corner: Float32
     edge_u: Float32
     edge_v: Float32
+    normal: Float32
     ends: Float32
     shape: str
     area: float
@@ -70,13 +72,13 @@ class PanelLamp(Lamp):
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
         if len(self.ends) == 1:
             corner, edge_u, edge_v = (part[0][:, None] for part in (self.corner, self.edge_u, self.edge_v))
-            normal = np.cross(self.edge_u[0], self.edge_v[0])[:, None]
+            normal = self.normal[0][:, None]
         else:
             cell = np.minimum(np.searchsorted(self.ends, u, side="right"), len(self.ends) - 1)
             below = np.where(cell > 0, self.ends[cell - 1], 0)
             u = np.clip((u - below) / np.maximum(self.ends[cell] - below, TINY), 0, 1)
             corner, edge_u, edge_v = self.corner[cell].T, self.edge_u[cell].T, self.edge_v[cell].T
-            normal = np.cross(self.edge_u, self.edge_v)[cell].T
+            normal = self.normal[cell].T
         if self.shape == "ellipse":
             u, v = on_disc(u, v)
         elif self.shape == "triangle":
@@ -84,9 +86,8 @@ class PanelLamp(Lamp):
             u, v = root * (1 - v), root * v
         way = np.stack([corner[k] + edge_u[k] * u + edge_v[k] * v - p[k] for k in range(3)])
         square = np.maximum(dot(way, way), TOUCHING)
-        length = np.sqrt(dot(normal, normal))
         facing = dot(way, normal) * np.float32(-self.area)
-        facing /= square * np.sqrt(square) * np.maximum(length, TINY)
+        facing /= square * np.sqrt(square)
         return way, self._shown(facing, p)
 
     def _shown(self, facing: Float32, p: Float32) -> Float32:
@@ -213,6 +214,7 @@ def area_lamp(light: AreaLight) -> Lamp:
         corner=corner[None].astype(np.float32),
         edge_u=edges[0][None].astype(np.float32),
         edge_v=edges[1][None].astype(np.float32),
+        normal=polygon.normal[None].astype(np.float32),
         ends=np.ones(1, np.float32),
         shape="ellipse" if light.ellipse else "parallelogram",
         area=polygon.area,

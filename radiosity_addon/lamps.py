@@ -182,7 +182,7 @@ class RoundLamp(Lamp):
         away: Float32 = np.stack([self.position[k] - p[k] for k in range(3)])
         square: Float32 = np.maximum(dot(away, away), TOUCHING)
         if self.radius == 0:
-            weight: Float32 = 1 / square
+            weight: Float32 = np.reciprocal(square)
             return away, weight if self.cone is None else weight * self.cone.fade(away)
         distance: Float32 = np.sqrt(square)
         axis: Float32 = away / distance

@@ -154,6 +154,27 @@ def _polygon_block(polygon: Polygon, p: Float32, normals: list[Float32]) -> Floa
     return np.abs(total, out=total) if polygon.two_sided else np.maximum(total, 0, out=total)
 
 
+def signed_light(corners: Float32, p: Float32, normals: list[Float32]) -> Float32:
+    """Projected solid angle of a polygon of its own for each point, (B,) float32, sr; negative behind its front.
+
+    Args:
+        corners: (E, 3, B) float32, m
+        p: (3, B) float32, m
+        normals: (3, B) each; the first has the cosine, all have horizons
+    """
+    low, high = _heights(corners, p, normals)
+    whole = low > 0
+    if whole.all():
+        return _lambert(corners, p, normals[0])
+    total = np.zeros(p.shape[1], np.float32)
+    seen = np.flatnonzero(whole)
+    total[seen] = _lambert(corners[:, :, seen], p[:, seen], normals[0][:, seen])
+    cut = np.flatnonzero(~whole & (high > 0))
+    if len(cut):
+        total[cut] = _clipped(corners[:, :, cut], p[:, cut], [normal[:, cut] for normal in normals])
+    return total
+
+
 def _heights(corners: Float32, p: Float32, normals: list[Float32]) -> tuple[Float32, Float32]:
     """How high the lowest and the highest corner stand over the nearer horizon, (B,) m each."""
     low = np.full(p.shape[1], np.inf, np.float32)
@@ -220,8 +241,8 @@ def _from_nodes(polygon: Polygon, p: Float32, normal: Float32) -> Float32:
 
 
 def _clipped(corners: Float32, p: Float32, normals: list[Float32]) -> Float32:
-    """As `_lambert`, for the part above all horizons."""
-    polygon = np.broadcast_to(corners[:, :, None], (*corners.shape, p.shape[1]))
+    """As `_lambert`, for the part above all horizons; corners (E, 3) or (E, 3, B)."""
+    polygon = corners if corners.ndim == 3 else np.broadcast_to(corners[:, :, None], (*corners.shape, p.shape[1]))
     for normal in normals:
         polygon = _above(polygon, p, normal)
     return _lambert(polygon, p, normals[0])

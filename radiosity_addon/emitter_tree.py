@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Emissive meshes of many triangles: a tree whose far branches shine as points and whose near leaves as polygons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .area_lamps import PanelLamp
+from .arrays import Bools, Float32, Float64, Int64
+from .lamp_samples import normals_of, outside, rows_of
+from .lamps import TOUCHING
+from .polygons import signed_light
+
+POINT = 5.0
+"""A branch is a point from this many of its radii on: with the second-order term of a disc, right to half a percent."""
+
+COHERENT = 0.93
+"""Least length of a branch's summed normals over its area: a cone of 31 degrees. Wider ones are split."""
+
+BLOCK = 256
+"""Receivers, near each other, that share a cut through the tree."""
+
+PAIRS = 1 << 14
+"""Pairs of receivers and triangles treated in one go."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmitterTree:
+    """A binary tree over triangles, halved across the longest extent; its leaves are the triangles.
+
+    Node 1 is the root, nodes 2 k and 2 k + 1 are the halves of node k, leaves are the last nodes.
+
+    Attributes:
+        corners: (leaves, 3, 3) float32, m; empty leaves are zero
+        centre: (N, 3) float32, m, area-weighted
+        radius: (N,) float32, m
+        normal: (N, 3) float32, unit, mean
+        area: (N,) float32, m2
+        projected: (N,) float32, m2, the area seen along the mean normal
+        spread: (N,) float32, half width of the even spread of cosines that has the variance of the normals' cone
+        coherent: (N,) bool, all faces look nearly one way
+        leaves: number of the first leaf
+    """
+
+    corners: Float32
+    centre: Float32
+    radius: Float32
+    normal: Float32
+    area: Float32
+    projected: Float32
+    spread: Float32
+    coherent: Bools
+    leaves: int
+
+    @classmethod
+    def over(cls, triangles: Float64) -> EmitterTree:
+        """A tree over triangles (M, 3, 3)."""
+        depth = max(len(triangles) - 1, 1).bit_length()
+        leaves = 1 << depth
+        nodes = 2 * leaves
+        corners = np.zeros((leaves, 3, 3))
+        corners[halved(triangles.mean(1), depth)] = triangles
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        area, vector, moment = np.zeros(nodes), np.zeros((nodes, 3)), np.zeros((nodes, 3))
+        low, high = np.full((nodes, 3), np.inf), np.full((nodes, 3), -np.inf)
+        own = slice(leaves, nodes)
+        area[own], vector[own] = np.linalg.norm(cross, axis=1), cross
+        moment[own] = corners.mean(1) * area[own, None]
+        full = area[own, None] > 0
+        low[own], high[own] = np.where(full, corners.min(1), np.inf), np.where(full, corners.max(1), -np.inf)
+        level = leaves // 2
+        while level:
+            node = slice(level, 2 * level)
+            left, right = slice(2 * level, 4 * level, 2), slice(2 * level + 1, 4 * level, 2)
+            for total in (area, vector, moment):
+                total[node] = total[left] + total[right]
+            low[node], high[node] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
+            level //= 2
+        filled = area > 0
+        centre = moment / np.where(filled, area, 1)[:, None]
+        length = np.linalg.norm(vector, axis=1)
+        share = np.minimum(length / np.where(filled, area, 1), 1)
+        reach = np.where(filled[:, None], np.maximum(high - centre, centre - low), 0)
+        return cls(
+            corners=corners.astype(np.float32),
+            centre=centre.astype(np.float32),
+            radius=np.linalg.norm(reach, axis=1).astype(np.float32),
+            normal=(vector / np.maximum(length, 1e-300)[:, None]).astype(np.float32),
+            area=area.astype(np.float32),
+            projected=length.astype(np.float32),
+            spread=np.sqrt(np.maximum(0.75 * (1 - (2 * share - 1) ** 2), 1e-8)).astype(np.float32),
+            coherent=filled & (share > COHERENT),
+            leaves=leaves,
+        )
+
+    def cut(self, centre: Float32, radius: Float32) -> tuple[Int64, Int64]:
+        """For each ball of receivers (K, 3), (K,) the nodes that stand for the emitter: pairs of ball and node.
+
+        A leaf that is still too near to be a point stays in; `is_point` tells.
+        """
+        ball = np.arange(len(centre), dtype=np.int64)
+        node = np.ones_like(ball)
+        balls, nodes = [], []
+        while len(ball):
+            done = self.is_point(centre[ball], radius[ball], node) & self.coherent[node]
+            done |= node >= self.leaves
+            balls.append(ball[done])
+            nodes.append(node[done])
+            ball = np.repeat(ball[~done], 2)
+            node = (2 * node[~done, None] + np.arange(2)).reshape(-1)
+            kept = self.area[node] > 0
+            ball, node = ball[kept], node[kept]
+        joined: Int64 = np.concatenate(balls)
+        order = np.argsort(joined, kind="stable")
+        return joined[order], np.concatenate(nodes)[order]
+
+    def is_point(self, centre: Float32, radius: Float32, node: Int64) -> Bools:
+        """Whether nodes are far enough from balls of receivers to be points."""
+        gap = self.centre[node] - centre
+        distance = np.sqrt(np.einsum("ij,ij->i", gap, gap)) - radius
+        far: Bools = distance > np.float32(POINT) * self.radius[node]
+        return far
+
+
+@dataclass(frozen=True, eq=False)
+class MeshLamp(PanelLamp):
+    """An emissive mesh: samples as PanelLamp has them, closed forms over a tree.
+
+    Attributes:
+        tree: over the same triangles as the cells
+    """
+
+    tree: EmitterTree | None = None
+
+    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        assert self.tree is not None
+        total = np.zeros(len(points), np.float32)
+        cell = halved(points, max(len(points) // BLOCK, 1).bit_length() - 1)
+        order = np.argsort(cell, kind="stable")
+        blocks = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
+        balls = [_ball(points[block]) for block in blocks]
+        centre = np.array([middle for middle, _ in balls], np.float32).reshape(-1, 3)
+        radius = np.array([reach for _, reach in balls], np.float32)
+        ball, node = self.tree.cut(centre, radius)
+        far = self.tree.is_point(centre[ball], radius[ball], node)
+        ends = np.searchsorted(ball, np.arange(len(blocks) + 1))
+        for number, block in enumerate(blocks):
+            own = slice(ends[number], ends[number + 1])
+            p = rows_of(points[block])
+            normals = normals_of(shading[block], None if geometric is None else geometric[block])
+            both = np.ones(len(block), bool) if self.box is None else ~outside(self.box, p)
+            points_there, step = node[own][far[own]], max(PAIRS // len(block), 1)
+            for start in range(0, len(points_there), step):
+                total[block] += self._points(points_there[start : start + step], p, normals, both)
+            total[block] += self._near(node[own][~far[own]] - self.tree.leaves, p, normals, both)
+        return total
+
+    def _points(self, nodes: Int64, p: Float32, normals: list[Float32], both: Bools) -> Float32:
+        """Far nodes as points, (B,).
+
+        A node's normals fill a cone: its light does not end where the mean normal's cosine does, it fades over the
+        cone, as that of a sphere's cap does. Its extent is that of a disc, to second order.
+        """
+        assert self.tree is not None
+        centre, normal = self.tree.centre[nodes][:, :, None], self.tree.normal[nodes][:, :, None]
+        area, spread = self.tree.projected[nodes][:, None], self.tree.spread[nodes][:, None]
+        way = [centre[:, k] - p[k] for k in range(3)]
+        square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
+        np.maximum(square, TOUCHING, out=square)
+        facing = -(way[0] * normal[:, 0] + way[1] * normal[:, 1] + way[2] * normal[:, 2])
+        facing /= np.sqrt(square)
+        if both.any():
+            facing = np.where(both, np.abs(facing), facing)
+        faded = np.clip(facing, -spread, spread)
+        faded += spread
+        faded *= faded
+        faded /= 4 * spread
+        np.maximum(facing, faded, out=faded)
+        light = way[0] * normals[0][0] + way[1] * normals[0][1] + way[2] * normals[0][2]
+        np.maximum(light, 0, out=light)
+        for other in normals[1:]:
+            light *= (way[0] * other[0] + way[1] * other[1] + way[2] * other[2]) > 0
+        light *= faded
+        light *= area
+        extent = 3 * facing * facing
+        extent -= 2
+        extent *= area / np.float32(np.pi)
+        extent += square
+        extent *= np.sqrt(square)
+        light /= extent
+        total: Float32 = light.sum(0)
+        return total
+
+    def _near(self, triangles: Int64, p: Float32, normals: list[Float32], both: Bools) -> Float32:
+        """Near triangles as polygons, (B,)."""
+        assert self.tree is not None
+        receivers = p.shape[1]
+        total = np.zeros(receivers, np.float32)
+        step = max(PAIRS // receivers, 1)
+        for start in range(0, len(triangles), step):
+            part = triangles[start : start + step]
+            corners = np.repeat(self.tree.corners[part].transpose(1, 2, 0), receivers, axis=2)
+            tiled = [np.tile(rows, (1, len(part))) for rows in (p, *normals)]
+            light = signed_light(corners, tiled[0], tiled[1:]).reshape(len(part), receivers)
+            total += np.where(both, np.abs(light), np.maximum(light, 0)).sum(0)
+        return total
+
+
+def _ball(points: Float32) -> tuple[Float32, np.float32]:
+    """Centre and radius of a ball around points (P, 3)."""
+    middle: Float32 = points.mean(0, dtype=np.float32)
+    return middle, np.float32(np.max(np.linalg.norm(points - middle, axis=1)))
+
+
+def halved(points: Float32 | Float64, depth: int) -> Int64:
+    """Cells (P,), 0 to 2^depth - 1, of points (P, 3) halved again and again across their longest extent."""
+    cell = np.zeros(len(points), np.int64)
+    for _ in range(depth):
+        order = np.argsort(cell, kind="stable")
+        starts = np.flatnonzero(np.diff(cell[order], prepend=-1))
+        low = np.minimum.reduceat(points[order], starts, axis=0)
+        high = np.maximum.reduceat(points[order], starts, axis=0)
+        group = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(points)))
+        axis = np.argmax(high - low, axis=1)[group]
+        order = order[np.lexsort((points[order, axis], group))]
+        size = np.diff(starts, append=len(points))
+        upper = np.arange(len(points)) - starts[group] >= (size[group] + 1) // 2
+        cell[order] = 2 * cell[order] + upper
+    return cell
