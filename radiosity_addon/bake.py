@@ -121,7 +121,7 @@ def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Bake
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, _patches_for(wanted, settings))
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings))
-    sky = transport.escaped[:, None, None] * np.pi * _world(scene)
+    sky = transport.sky[:, None, None] * np.pi * _world(scene)
     exitance = _first_exitance(patches, look, direct, sky, lamps, visibility, groups)
     solution = yield from log.stage("Radiosity", _solve(log, transport, patches, exitance, settings))
     light = Illumination(
