@@ -301,14 +301,17 @@ def _true_to_area(faces: Faces, charts: Charts) -> Charts:
 def _place_degenerate(faces: Faces, charts: Charts) -> Charts:
     """Gives corners of degenerate triangles a place: in their own polygon, else at a neighbour's, else NaN."""
     uv, chart = charts.uv.copy(), charts.chart.copy()
-    order = np.lexsort((faces.area, faces.solid))
-    best = np.full(faces.polygons, -1)
-    best[faces.polygon[order]] = order
     lost = np.flatnonzero(~np.isfinite(uv[:, 0]) & (chart[faces.loop_polygon] >= 0))
-    triangle = best[faces.loop_polygon[lost]]
-    corners = faces.corners[triangle]
-    share = _barycentric(faces.position[lost], corners)
-    uv[lost] = np.einsum("lc,lcx->lx", share, uv[faces.loop[triangle]])
+    solid = np.flatnonzero(faces.solid)
+    solid = solid[np.argsort(faces.polygon[solid], kind="stable")]
+    low, high = (np.searchsorted(faces.polygon[solid], faces.loop_polygon[lost], side=s) for s in ("left", "right"))
+    pair = np.repeat(np.arange(len(lost)), high - low)
+    triangle = solid[np.arange(len(pair)) - np.repeat(np.cumsum(high - low) - high, high - low)]
+    share = _barycentric(faces.position[lost[pair]], faces.corners[triangle])
+    order = np.lexsort((share.min(axis=1), pair))  # the triangle that the corner is least outside of comes last
+    share = np.maximum(share, 0)
+    share /= share.sum(axis=1, keepdims=True)
+    uv[lost[pair[order]]] = np.einsum("lc,lcx->lx", share, uv[faces.loop[triangle]])[order]
 
     rank = np.where(chart[faces.loop_polygon] >= 0, np.arange(len(uv)), -1)
     neighbour = np.full(int(faces.vertex.max(initial=0)) + 1, -1)
@@ -324,11 +327,10 @@ def _place_degenerate(faces: Faces, charts: Charts) -> Charts:
 
 
 def _barycentric(point: Float64, corners: Float64) -> Float64:
-    """(N, 3) weights of the points (N, 3) in triangles (N, 3, 3), kept inside."""
+    """(N, 3) weights of the corners of triangles (N, 3, 3) at points (N, 3)."""
     e1, e2, d = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], point - corners[:, 0]
     g11, g12, g22 = (e1 * e1).sum(1), (e1 * e2).sum(1), (e2 * e2).sum(1)
     b1, b2 = (e1 * d).sum(1), (e2 * d).sum(1)
     determinant = np.maximum(g11 * g22 - g12**2, 1e-300)
     v, w = (g22 * b1 - g12 * b2) / determinant, (g11 * b2 - g12 * b1) / determinant
-    share = np.maximum(np.stack([1 - v - w, v, w], axis=1), 0)
-    return np.asarray(share / share.sum(axis=1, keepdims=True))
+    return np.stack([1 - v - w, v, w], axis=1)

@@ -11,27 +11,35 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .arrays import Float64, Int64
+from .arrays import Float32, Float64, Int64
 
-COLUMN_STEPS = 1024
+COLUMN_STEPS = 512
 """A skyline is tried at this many columns at most, so that large pages stay fast."""
 
-SWARM = 400
-"""From this many tiny charts on they are joined to strips."""
+SINGLES = 300
+"""The largest charts are placed one by one, the small ones among the others in strips."""
 
-TINY = 12
-"""Charts up to this size in texels, without padding, are tiny."""
+TINY, STRIP = 1 / 32, 1 / 8
+"""Size of a small chart and length of a strip, as shares of the page."""
 
-STRIP = 96
-"""Texels along a strip of tiny charts."""
+SAME = 0.25
+"""Contours that differ by less than this, texels, are taken for the same."""
 
-SCALE_STEP = 1.004
+SCALE_STEP = 1.005
 """The search for the largest scale that fits stops at this ratio."""
 
+WASTE = 1.0
+"""How much the mean empty height under a chart counts against the height of its top; fills 2 % more than 0 does."""
+
 ITEMS_A_YIELD = 16
+
+
+Words: TypeAlias = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +49,9 @@ class Items:
     Attributes:
         points: (N, 3, 2) float64, triangles; the triangles of an item are neighbours
         first: (I + 1,) int64, where each item's triangles begin
+        low, extent: (I, 2) float64, lower corner and size of the box around each
+        area: (I,) float64
+        rim: (R,) int64, edges that can touch the contour, 3 triangle + corner
     """
 
     points: Float64
@@ -48,12 +59,14 @@ class Items:
     low: Float64 = field(init=False)
     extent: Float64 = field(init=False)
     area: Float64 = field(init=False)
+    rim: Int64 = field(init=False)
 
     def __post_init__(self) -> None:
         low = np.minimum.reduceat(self.points.min(axis=1), self.first[:-1])
         high = np.maximum.reduceat(self.points.max(axis=1), self.first[:-1])
         a, b = self.points[:, 1] - self.points[:, 0], self.points[:, 2] - self.points[:, 0]
         area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+        object.__setattr__(self, "rim", _rim(self.points, self.index))
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "extent", high - low)
         object.__setattr__(self, "area", np.add.reduceat(area, self.first[:-1]))
@@ -73,6 +86,22 @@ class Items:
         first = np.append(0, np.cumsum(count))
         triangles = np.arange(first[-1]) - np.repeat(first[:-1] - self.first[items], count)
         return Items(self.points[triangles], first)
+
+
+def _rim(points: Float64, item: Int64) -> Int64:
+    """Edges, 3 triangle + corner, that no two triangles of an item share bit by bit: no others touch a contour."""
+    bits = (points + 0.0).view(np.uint64)  # + 0.0 makes -0.0 the same as 0.0
+    corner = _mixed(_mixed(bits[..., 0]) + bits[..., 1])
+    edge = _mixed((corner + np.roll(corner, -1, axis=1)).reshape(-1) + np.repeat(item, 3).astype(np.uint64))
+    _, index, count = np.unique(edge, return_inverse=True, return_counts=True)
+    return np.flatnonzero(count[index.reshape(-1)] == 1)
+
+
+def _mixed(key: Words) -> Words:
+    """Scrambles 64-bit words one to one (Steele et al. 2014, SplitMix64)."""
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(key ^ (key >> np.uint64(31)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +138,12 @@ def fill_page(items: Items, size: int, padding: int) -> Generator[None, None, Pl
         size: texels along the page
         padding: even; texels between items, half of it to the page's border
     """
-    room = max(size - padding, 1)
-    upper = min(room / float(items.extent.max()), size / float(np.sqrt(items.area.sum())))
+    # A shape of area A padded on all sides has at least (sqrt(A) + padding)^2 (Brunn and Minkowski).
+    edge, spare = float(np.sqrt(items.area).sum()), size**2 - items.count * padding**2
+    if spare <= 0:
+        return None
+    root = np.sqrt((padding * edge) ** 2 + float(items.area.sum()) * spare)
+    upper = float(min((size - padding) / items.extent.max(), (root - padding * edge) / items.area.sum()))
     scale, best, smallest = upper, None, upper * 1e-4
     step = 0.9
     while best is None:
@@ -135,8 +168,10 @@ def place(items: Items, scale: float, size: int, padding: int) -> Generator[None
     if (texels.max() > size - padding + 1e-6) or items.area.sum() * scale**2 > size**2:
         return None
     outlines = _outlines(items, scale, half)
-    tiny = np.flatnonzero((texels <= TINY).all(axis=1))
-    strips: list[Int64] = _strips(tiny, texels, padding) if len(tiny) >= SWARM else []
+    if outlines.covered() > size**2:
+        return None
+    small = np.argsort(-texels.max(axis=1), kind="stable")[SINGLES:]
+    strips = _strips(small[(texels[small] <= TINY * size).all(axis=1)], texels, padding, STRIP * size)
     shapes: list[tuple[_Shape, ...]] = []
     members: list[Int64] = []
     in_strip = np.zeros(items.count, bool)
@@ -148,7 +183,7 @@ def place(items: Items, scale: float, size: int, padding: int) -> Generator[None
         shapes.append(outlines.turns(int(item)))
         members.append(np.array([item]))
     lengths = np.array([sorted((len(turns[0].floor), turns[0].height), reverse=True) for turns in shapes])
-    orders = (np.lexsort((-lengths[:, 1], -lengths[:, 0])), np.lexsort((-lengths[:, 0], -lengths[:, 1])))
+    orders = (np.lexsort((-lengths[:, 0], -lengths[:, 1])), np.lexsort((-lengths[:, 1], -lengths[:, 0])))
     corner = items.low * scale
     for order in orders:
         spots = yield from _stack(shapes, order, size)
@@ -174,8 +209,8 @@ def place(items: Items, scale: float, size: int, padding: int) -> Generator[None
 class _Shape:
     """An item's padded contour after a quarter turn: floor and ceiling (n,) of its texel columns, texels."""
 
-    floor: Float64
-    ceiling: Float64
+    floor: Float32
+    ceiling: Float32
     height: float
     lift: float
     turn: int
@@ -197,17 +232,21 @@ class _Outlines:
             for axis in (0, 1)
             for span in [slice(int(self.first[axis][item]), int(self.first[axis][item + 1]))]
         )
-        return (
-            _shape(low_x, high_x, 0),
-            _shape(low_y[::-1], high_y[::-1], 1),
-            _shape(height - high_x[::-1], height - low_x[::-1], 2),
-            _shape(width - high_y, width - low_y, 3),
-        )
+        upright, lying = _shape(low_x, high_x, 0), _shape(low_y[::-1], high_y[::-1], 1)
+        over = _shape(height - high_x[::-1], height - low_x[::-1], 2)
+        if np.abs(over.floor - upright.floor).max() < SAME and np.abs(over.ceiling - upright.ceiling).max() < SAME:
+            return upright, lying
+        return upright, lying, over, _shape(width - high_y, width - low_y, 3)
+
+    def covered(self) -> float:
+        """Texels that the contours enclose."""
+        return float((self.high[0] - self.low[0]).sum())
 
 
 def _shape(floor: Float64, ceiling: Float64, turn: int) -> _Shape:
     base = float(floor.min())
-    return _Shape(floor - base, ceiling - base, float(ceiling.max()) - base, -base, turn)
+    low, high = (floor - base).astype(np.float32), (ceiling - base).astype(np.float32)
+    return _Shape(low, high, float(high.max()), -base, turn)
 
 
 def _outlines(items: Items, scale: float, half: int) -> _Outlines:
@@ -215,8 +254,8 @@ def _outlines(items: Items, scale: float, half: int) -> _Outlines:
     index = items.index
     points = (items.points - items.low[index][:, None, :]) * scale
     box = np.maximum(np.ceil(items.extent * scale - 1e-9), 1).astype(np.int64)
-    a, b = points.reshape(-1, 2), np.roll(points, -1, axis=1).reshape(-1, 2)
-    owner = np.repeat(index, 3)
+    a, b = points.reshape(-1, 2)[items.rim], np.roll(points, -1, axis=1).reshape(-1, 2)[items.rim]
+    owner = np.repeat(index, 3)[items.rim]
     firsts, lows, highs = [], [], []
     for axis in (0, 1):
         padded = box[:, axis] + 4 * half  # room for the sliding minimum on both sides
@@ -248,16 +287,19 @@ def _outlines(items: Items, scale: float, half: int) -> _Outlines:
         first = np.append(0, np.cumsum(box[:, axis] + 2 * half))
         keep += np.arange(len(keep)) - np.repeat(first[:-1], box[:, axis] + 2 * half)
         firsts.append(first)
-        lows.append(low[keep])
-        highs.append(high[keep])
+        low, high = low[keep], high[keep]
+        empty = low > high  # between the charts of a rigid map
+        low[empty], high[empty] = 0, 0
+        lows.append(low)
+        highs.append(high)
     return _Outlines((firsts[0], firsts[1]), (lows[0], lows[1]), (highs[0], highs[1]), box)
 
 
-def _strips(tiny: Int64, texels: Float64, padding: int) -> list[Int64]:
-    """Tiny items in rows of like height, about STRIP texels long."""
-    order = tiny[np.lexsort((-texels[tiny, 0], -np.ceil(texels[tiny, 1])))]
+def _strips(small: Int64, texels: Float64, padding: int, length: float) -> list[Int64]:
+    """Small items in rows of like height and about that length."""
+    order = small[np.lexsort((-texels[small, 0], -np.ceil(texels[small, 1])))]
     reach = np.cumsum(np.ceil(texels[order, 0]) + padding)
-    cuts = np.flatnonzero(np.diff((reach - 1) // STRIP)) + 1
+    cuts = np.flatnonzero(np.diff((reach - 1) // length)) + 1
     return [strip for strip in np.split(order, cuts) if len(strip) > 1]
 
 
@@ -265,30 +307,34 @@ def _block(texels: Float64, padding: int) -> tuple[_Shape, ...]:
     """The strip of these items as one shape."""
     columns = int((np.ceil(texels[:, 0]) + padding).sum())
     height = float(texels[:, 1].max()) + padding
-    return (_Shape(np.zeros(columns), np.full(columns, height), height, 0.0, 0),)
+    return (_Shape(np.zeros(columns, np.float32), np.full(columns, height, np.float32), height, 0.0, 0),)
 
 
 def _stack(
     shapes: list[tuple[_Shape, ...]], order: Int64, size: int
 ) -> Generator[None, None, list[tuple[int, float, float]] | None]:
     """Drops the shapes onto the skyline in this order: turn, column and height of each, None if the page is too low."""
-    skyline = np.zeros(size)
+    skyline = np.zeros(size, np.float32)
     step = -(-size // COLUMN_STEPS)
     spots: list[tuple[int, float, float]] = [(0, 0.0, 0.0)] * len(shapes)
     for done, which in enumerate(order.tolist()):
         if done % ITEMS_A_YIELD == ITEMS_A_YIELD - 1:
             yield
         best: tuple[float, int, int, float] | None = None
+        filled = np.append(0.0, np.cumsum(skyline))
         for way, shape in enumerate(shapes[which]):
             width = len(shape.floor)
             if width > size or shape.height > size + 1e-6:
                 continue
-            windows = np.ndarray(((size - width) // step + 1, width), skyline.dtype, skyline, strides=(8 * step, 8))
-            heights = (windows - shape.floor).max(axis=1)
-            column = int(np.argmin(heights))
-            top = float(heights[column]) + shape.height
-            if top <= size + 1e-6 and (best is None or top < best[0] - 1e-9):
-                best = (top, way, column * step, float(heights[column]))
+            spots_across = (size - width) // step + 1
+            windows = np.ndarray((width, spots_across), skyline.dtype, skyline, strides=(4, 4 * step))
+            heights = (windows - shape.floor[:, None]).max(axis=0)
+            below = (filled[width:] - filled[: size - width + 1])[::step] / width
+            score = heights * (1 + WASTE) - WASTE * below + (shape.height + WASTE * float(shape.floor.mean()))
+            score[heights + shape.height > size + 1e-6] = np.inf
+            column = int(np.argmin(score))
+            if score[column] < (np.inf if best is None else best[0] - 1e-9):
+                best = (float(score[column]), way, column * step, float(heights[column]))
         if best is None:
             return None
         _, way, x, y = best

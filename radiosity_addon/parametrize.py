@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float64, Int64
-from .charts import Faces, measure, tidy
+from .charts import Faces, measure, signed_area, tidy
 from .errors import SceneError
 from .islands import islands, rough_share, welded
 from .kept_uv import kept_uv
@@ -35,8 +35,11 @@ ROUGH_SHARE = 0.3
 PLAIN_CHART = 500
 """Triangles of a chart of the plain unwrap."""
 
-BATCH = 20_000
+BATCH = 8_000
 """Triangles that are tidied at once."""
+
+BOXY = 0.95
+"""A chart that covers this share of its box needs no other direction tried."""
 
 ANGLES = 24
 """Directions tried for the narrowest box around a chart, besides that of its longest edge."""
@@ -273,29 +276,42 @@ def _aligned(uv: Float64, chart: Int64) -> Flat:
     uv[lost] = uv[spare].mean(axis=0)
     _, chart = np.unique(chart, return_inverse=True)
     chart = chart.reshape(-1)
-    order = np.argsort(chart, kind="stable")
-    first = np.searchsorted(chart[order], np.arange(int(chart.max()) + 1))
-    points = uv[order]
-    edges = (np.roll(points, -1, axis=1) - points).reshape(-1, 2)
-    index = np.repeat(chart[order], 3)
-    by_length = np.lexsort(((edges**2).sum(axis=1), index))
-    longest = edges[by_length[np.append(first[1:], len(order)) * 3 - 1]]
-    best_angle = -np.arctan2(longest[:, 1], longest[:, 0])
-    best_area = 0.99 * _box(points, first, best_angle)  # a direct hit is preferred to a sampled direction
-    for angle in np.arange(ANGLES) * (np.pi / 2 / ANGLES):
-        area = _box(points, first, np.full(len(first), angle))
-        better = area < best_area
-        best_angle, best_area = np.where(better, angle, best_angle), np.where(better, area, best_area)
-    turn = best_angle[chart][:, None]
+    angle = _narrowest(uv, chart)
+    cosine, sine = np.cos(angle)[chart][:, None], np.sin(angle)[chart][:, None]
     x, y = uv[..., 0], uv[..., 1]
-    uv = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y], axis=2)
-    return Flat(uv, chart, rigid=False)
+    return Flat(np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2), chart, rigid=False)
+
+
+def _narrowest(uv: Float64, chart: Int64) -> Float64:
+    """Angle of each chart by which it must be turned for the box around it to be small."""
+    order = np.argsort(chart, kind="stable")
+    points, index = uv[order], chart[order]
+    first = np.searchsorted(index, np.arange(int(chart.max()) + 1))
+    edges = (np.roll(points, -1, axis=1) - points).reshape(-1, 2)
+    by_length = np.lexsort(((edges**2).sum(axis=1), np.repeat(index, 3)))
+    longest = edges[by_length[np.append(first[1:], len(order)) * 3 - 1]]
+    angle = -np.arctan2(longest[:, 1], longest[:, 0])
+    area = _box(points, first, angle)
+    round_ones = np.add.reduceat(np.abs(signed_area(points)), first) < BOXY * area
+    inside = round_ones[index]
+    if not inside.any():
+        return np.asarray(angle)
+    points, rank = points[inside], np.cumsum(round_ones) - 1
+    first = np.searchsorted(rank[index[inside]], np.arange(int(round_ones.sum())))
+    best_angle, best_area = angle[round_ones], 0.99 * area[round_ones]  # the edge's direction unless another is better
+    for direction in np.arange(ANGLES) * (np.pi / 2 / ANGLES):
+        area = _box(points, first, np.full(len(first), direction))
+        better = area < best_area
+        best_angle, best_area = np.where(better, direction, best_angle), np.where(better, area, best_area)
+    angle[round_ones] = best_angle
+    return np.asarray(angle)
 
 
 def _box(points: Float64, first: Int64, angle: Float64) -> Float64:
     """Area of the box around each chart turned by its angle."""
-    turn = np.repeat(angle, np.diff(np.append(first, len(points))))[:, None]
-    x = np.cos(turn) * points[..., 0] - np.sin(turn) * points[..., 1]
-    y = np.sin(turn) * points[..., 0] + np.cos(turn) * points[..., 1]
-    extents = [np.maximum.reduceat(w.max(1), first) - np.minimum.reduceat(w.min(1), first) for w in (x, y)]
-    return np.asarray(extents[0] * extents[1])
+    count = np.diff(np.append(first, len(points)))
+    cosine, sine = np.repeat(np.cos(angle), count)[:, None], np.repeat(np.sin(angle), count)[:, None]
+    x, y = points[..., 0], points[..., 1]
+    turned = (cosine * x - sine * y, sine * x + cosine * y)
+    wide, high = (np.maximum.reduceat(w.max(1), first) - np.minimum.reduceat(w.min(1), first) for w in turned)
+    return np.asarray(wide * high)
