@@ -20,7 +20,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from .errors import BakeError, SceneError
-from .progress import Meter, count_of
+from .progress import Meter, short_count
 from .settings import QUALITIES, BakeSettings
 
 if TYPE_CHECKING:
@@ -200,12 +200,8 @@ def _say_result(report: Report, verb: Verb, meter: Meter) -> None:
         for warning in report.warnings:
             meter.clear()
             print(f"radiosity: warning: {warning}", file=sys.stderr)
-    width, height = report.pages[0].size
-    pages = f"{len(report.pages)} page{'s' * (len(report.pages) != 1)} of {width} x {height}"
-    meter.say(
-        f"Baked {len(report.objects)} objects on {pages}: {report.texels:,} texels, {report.patches:,} patches, "
-        f"{count_of(report.rays)} rays, residual {report.residual:.2g}, {report.seconds:.1f} s"
-    )
+    figures = f"{report.texels:,} texels, {report.patches:,} patches, {short_count(report.rays)} rays"
+    meter.say(f"{report.summary()}: {figures}, residual {report.residual:.2g}")
     meter.say(f"Saved {verb.output}")
 
 

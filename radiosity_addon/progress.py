@@ -73,13 +73,13 @@ def describe(progress: Progress, seconds: float) -> str:
     if 0 < progress.residual < 1:
         parts.append(f"residual {progress.residual:.2g}")
     if progress.rays and seconds > 0:
-        parts.append(f"{count_of(progress.rays / seconds)} rays/s")
+        parts.append(f"{short_count(progress.rays / seconds)} rays/s")
     if ESTIMATE_SHARE < progress.fraction < 1 and seconds > ESTIMATE_SECONDS:
         parts.append(f"{duration(seconds * (1 / progress.fraction - 1))} left")
     return ", ".join(parts)
 
 
-def count_of(number: float) -> str:
+def short_count(number: float) -> str:
     """A large count in few characters: 950, 12.5k, 3.2M."""
     for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
         if number >= size:

@@ -76,6 +76,12 @@ class Report:
     residual: float
     warnings: Sequence[str] = field(default_factory=tuple)
 
+    def summary(self) -> str:
+        """What was baked, in one line."""
+        width, height = self.pages[0].size
+        objects, pages = count_of(len(self.objects), "object"), count_of(len(self.pages), "page")
+        return f"Baked {objects} on {pages} of {width} x {height} in {self.seconds:.1f} s"
+
     def as_json(self, folder: Path) -> str:
         """The report as JSON, with paths relative to a folder."""
         report = {
@@ -97,6 +103,11 @@ class Report:
             "warnings": list(self.warnings),
         }
         return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def count_of(number: int, noun: str) -> str:
+    """1 page, 2 pages."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def write_report(path: Path, report: Report, folder: Path, files: Transaction) -> None:

@@ -16,7 +16,7 @@ import pytest
 from radiosity_addon import cli, progress
 from radiosity_addon.bake import Progress
 from radiosity_addon.errors import SceneError
-from radiosity_addon.progress import Meter, count_of, describe, duration
+from radiosity_addon.progress import Meter, describe, duration, short_count
 
 ROOT = Path(__file__).parents[1]
 
@@ -255,7 +255,7 @@ def test_quiet_prints_nothing() -> None:
 
 @pytest.mark.parametrize(("number", "shown"), [(950, "950"), (12_500, "12.5k"), (3.2e6, "3.2M"), (4e9, "4.0G")])
 def test_counts_are_short(number: float, shown: str) -> None:
-    assert count_of(number) == shown
+    assert short_count(number) == shown
 
 
 @pytest.mark.parametrize(("seconds", "shown"), [(7.4, "0:07"), (750, "12:30"), (3723, "1:02:03")])

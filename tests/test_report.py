@@ -70,3 +70,9 @@ def test_the_file_lies_in_utf_8_with_paths_relative_to_the_folder_given(tmp_path
         files.commit()
     found = json.loads((tmp_path / "report.json").read_bytes().decode("utf-8"))
     assert found["pages"][0]["file"] == "../textures/夜.exr"
+
+
+def test_the_summary_is_one_line() -> None:
+    assert report().summary() == "Baked 1 object on 1 page of 64 x 64 in 2.0 s"
+    two = report(objects=[BakedObject("A", "A", 0, 1, 1.0)] * 2, pages=[Page("p", None, (8, 8))] * 2)
+    assert two.summary() == "Baked 2 objects on 2 pages of 8 x 8 in 2.0 s"

@@ -13,7 +13,7 @@ import numpy as np
 from ..chunks import finish
 from ..errors import SceneError
 from ..files import Transaction
-from ..report import Report, write_report
+from ..report import Report, count_of, write_report
 from ..settings import BakeSettings
 from ..unwrap import Atlas, build_atlas
 from .blend_files import save_blend, silence
@@ -106,7 +106,7 @@ def info(verb: Verb) -> str:
     if warnings:
         lines.append("Warnings:")
         lines += [f"  {warning}" for warning in warnings]
-    pages = f"{atlas.page_count} page{'s' * (atlas.page_count != 1)} of {atlas.size} x {atlas.size}"
+    pages = f"{count_of(atlas.page_count, 'page')} of {atlas.size} x {atlas.size}"
     memory = (total * BYTES_PER_TEXEL + BYTES_OF_CHUNKS) / 1e9
     lines.append(f"In all: {pages}, about {total:,} texels, at most {memory:.1f} GB of memory beside Blender itself")
     return "\n".join(lines)
