@@ -29,7 +29,7 @@ def overlapping(uv: Float64, group: Int64, tolerance: float = TOLERANCE) -> Int6
         tolerance: share of the group's width by which intervals may overlap
 
     Returns:
-        (K, 2) int64 indices of triangles
+        (K, 2) int64 indices of triangles, the lower first
     """
     nothing = np.zeros((0, 2), np.int64)
     if not len(uv):
@@ -71,4 +71,4 @@ def overlapping(uv: Float64, group: Int64, tolerance: float = TOLERANCE) -> Int6
     holder = np.maximum.accumulate(np.where(right == reach, np.arange(len(right)), 0))
     hit = np.flatnonzero(left[1:] < reach[:-1] - tolerance) + 1
     pairs = np.stack([triangle[holder[hit - 1]], triangle[hit]], axis=1)
-    return np.unique(pairs, axis=0)
+    return np.unique(np.sort(pairs, axis=1), axis=0)

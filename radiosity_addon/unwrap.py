@@ -163,12 +163,13 @@ def _joined(parts: list[Items]) -> Items:
 def _one_page(items: list[Items], size: int, padding: int) -> Generator[None, None, tuple[Packed, tuple[str, ...]]]:
     """Everything on one page, as dense as it goes."""
     together = _joined(items)
-    for narrower in [gap for gap in (padding, PADDING, 0) if gap <= padding]:
-        placement = yield from fill_page(together, size, narrower)
+    for gap in sorted({padding, PADDING}, reverse=True):
+        placement = yield from fill_page(together, size, gap)
         if placement is not None:
-            warning = f"{together.count} charts on one page leave only {narrower} texels between them"
-            return (list(range(len(items))), placement), (warning,) if narrower < padding else ()
-    raise SettingsError("Page size", f"{together.count} charts don't fit on one page of {size} texels", "Choose larger")
+            warning = f"{together.count} charts on one page leave only {gap} texels between them"
+            return (list(range(len(items))), placement), (warning,) if gap < padding else ()
+    cause = f"{together.count} charts don't fit on one page of {size} texels"
+    raise SettingsError("Page size", cause, "Choose larger pages, or a density to use several")
 
 
 def _many_pages(
