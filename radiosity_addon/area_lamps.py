@@ -17,11 +17,11 @@ from .scene import RGB, AreaLight
 SPREAD_NODES = 12
 """Gauss points along each side of the part of an area lamp that a narrowed spread lets a receiver see."""
 
-SPREAD_LEAST = math.radians(0.25)
-"""Narrower spreads are taken as this: nothing is seen of the difference, and float32 still resolves the fade."""
+SPREAD_LEAST = 2e-3
+"""Radians. Narrower spreads are taken as this: no one sees the difference, and float32 still resolves the fade."""
 
-FULL_SPREAD = math.pi * 0.9999
-"""From here on a lamp is Lambertian; the softbox's formula has 0 times infinity at pi."""
+FULL_SPREAD = 3.14
+"""Radians. From here on a lamp is Lambertian; the softbox's formula has 0 times infinity at pi."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +100,11 @@ class PanelLamp(Lamp):
 
 @dataclass(frozen=True, eq=False)
 class SoftboxLamp(Lamp):
-    """An area light whose spread is narrowed: `strength` is the radiance that the full spread would have.
+    """An area light whose spread is narrowed: `strength` is the radiance along its axis, W/(m2 sr).
 
-    Cycles models the slats of a softbox: the radiance falls as tan(half spread) - tan(angle) and is scaled so that
-    the power stays. A receiver sees light from a disc of the lamp's plane about its own foot point; that disc and
-    the lamp overlap along chords, over which samples are spread.
+    Cycles models the slats of a softbox: the radiance falls as 1 - tan(angle) / tan(half spread). A receiver sees
+    light from a disc of the lamp's plane about its own foot point; that disc and the lamp overlap along chords, over
+    which samples are spread.
 
     Attributes:
         centre: (3,) float32, m
@@ -113,7 +113,6 @@ class SoftboxLamp(Lamp):
         direction: (3,) float32, unit, the way it shines
         ellipse: an ellipse, not a rectangle
         tangent: of half the spread
-        scale: of the radiance: 1 / (tan h - h) of half the spread h
     """
 
     strength: RGB
@@ -125,7 +124,6 @@ class SoftboxLamp(Lamp):
     direction: Float32
     ellipse: bool
     tangent: float
-    scale: float
     shadow: bool
     group: int
 
@@ -174,7 +172,7 @@ class SoftboxLamp(Lamp):
         way = np.stack([self.centre[k] + self.axis_u[k] * x + self.axis_v[k] * y - p[k] for k in range(3)])
         square = np.maximum(dot(way, way), TOUCHING)
         rho = np.sqrt((x - foot[0]) ** 2 + (y - foot[1]) ** 2)
-        fade = np.maximum(np.float32(self.tangent) - rho / np.maximum(depth, TINY), 0) * np.float32(self.scale)
+        fade = np.maximum(1 - rho / np.maximum(reach, TINY), 0)
         return way, fade * np.maximum(depth, 0) * across * width / (square * np.sqrt(square))
 
 
@@ -186,8 +184,6 @@ def area_lamp(light: AreaLight) -> Lamp:
         v = -v
     width, height = float(np.linalg.norm(u)), float(np.linalg.norm(v))
     if light.spread < FULL_SPREAD:
-        half = max(light.spread, SPREAD_LEAST) / 2
-        gap = math.tan(half) - half
         return SoftboxLamp(
             strength=light.radiance,
             centre=centre.astype(np.float32),
@@ -197,8 +193,7 @@ def area_lamp(light: AreaLight) -> Lamp:
             half_v=height / 2,
             direction=direction.astype(np.float32),
             ellipse=light.ellipse,
-            tangent=math.tan(half),
-            scale=1 / gap,
+            tangent=math.tan(max(light.spread, SPREAD_LEAST) / 2),
             shadow=light.shadow,
             group=light.group,
         )

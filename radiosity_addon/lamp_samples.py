@@ -98,11 +98,13 @@ def lattice(count: int) -> Float32:
     return points
 
 
-@lru_cache(maxsize=16)
-def lattice_nodes(count: int) -> Float64:
-    """The lattice as quadrature nodes (count, 3): u, v and weight."""
-    points = lattice(count).astype(np.float64) + 0.5 / count
-    return np.column_stack([points % 1, np.full(count, 1 / count)])
+@lru_cache(maxsize=4)
+def disc_nodes(rings: int, spokes: int) -> Float64:
+    """Nodes (rings * spokes, 3) for a disc: Gauss-Legendre in u, the squared radius; even and staggered in v."""
+    nodes, weights = np.polynomial.legendre.leggauss(rings)
+    u, turn = np.repeat((nodes + 1) / 2, spokes), np.tile(np.arange(spokes), rings)
+    v = (turn + np.repeat((np.arange(rings) * 0.618) % 1, spokes)) / spokes
+    return np.column_stack([u, v, np.repeat(weights / 2 / spokes, spokes)])
 
 
 @lru_cache(maxsize=4)

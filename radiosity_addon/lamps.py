@@ -16,15 +16,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Float64
-from .lamp_samples import TINY, basis, cosine_above, dot, lattice_nodes, normals_of, on_disc, rows_of
+from .lamp_samples import TINY, Rows, basis, cosine_above, disc_nodes, dot, normals_of, on_disc, rows_of
 from .polygons import BLOCK, cap_light
 from .scene import RGB, PointLight, SpotLight, SunLight
 
 TOUCHING = np.float32(1e-12)
 """Squared distance, m2, below which a receiver counts as this far from a lamp: light stays finite."""
 
-FADE_NODES = (7, 61)
-"""Points over a round lamp where a spot's cone or a horizon crosses it: for gentle and for steep fades."""
+FADE_NODES = ((0.0, (2, 6)), (0.3, (6, 18)), (5.0, (16, 32)))
+"""Rings and points of each over a round lamp that a spot's fade crosses: for gentle, steep and hard fades, by how much
+of the fade's width the lamp takes at least."""
+
+HORIZON_NODES = (6, 18)
+"""The same where a geometric horizon crosses it."""
 
 
 class Lamp(ABC):
@@ -87,15 +91,28 @@ class SpotCone:
         edge = math.cos(angle / 2)
         return cls(np.array(axes, np.float32), edge, 1 / max(0.001, (1 - edge) * blend))
 
-    def fade(self, away: Float32) -> Float32:
+    def fade(self, away: Rows) -> Float32:
         """Share (B,) of the light that goes along -away (3, B)."""
-        x, y, z = (-dot(away, axis) for axis in self.axes)
-        step = z / np.sqrt(np.maximum(x * x + y * y + z * z, TINY))
-        step -= np.float32(self.edge)
-        step *= np.float32(self.slope)
+        step = self._step(away)
         np.clip(step, 0, 1, out=step)
         smooth: Float32 = step * step * (3 - 2 * step)
         return smooth
+
+    def crosses(self, away: Rows, reach: Float32) -> Bools:
+        """Where the fade may lie within a lamp of `reach` (B,) radii over distance; errs on the safe side."""
+        scales = np.linalg.norm(self.axes, axis=1)
+        margin = reach * np.float32(math.pi / 2 * self.slope * np.max(scales) / np.min(scales))
+        step = self._step(away)
+        found: Bools = (step > -margin) & (step < 1 + margin)
+        return found
+
+    def _step(self, away: Rows) -> Float32:
+        """0 where the fade begins, 1 where it ends, (B,)."""
+        x, y, z = (-dot(away, axis) for axis in self.axes)
+        step: Float32 = z / np.sqrt(np.maximum(x * x + y * y + z * z, TINY))
+        step -= np.float32(self.edge)
+        step *= np.float32(self.slope)
+        return step
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +159,7 @@ class RoundLamp(Lamp):
             total: Float32 = np.maximum(cosines[0], 0) / square
             if len(normals) > 1:
                 total[cosines[1] <= 0] = 0
-            return total if self.cone is None else total * self.cone.fade(np.stack(away))
+            return total if self.cone is None else total * self.cone.fade(away)
         r2 = np.float32(self.radius**2)
         inside = square <= r2 if self.sphere else np.zeros(len(square), bool)
         sine2: Float32 = np.minimum(r2 / square, 1) if self.sphere else r2 / (r2 + square)
@@ -154,29 +171,22 @@ class RoundLamp(Lamp):
             total[(cosines[1] < 0) & ~uneven] = 0
             uneven &= cosines[0] > -np.sqrt(sine2)
         if self.cone is not None:
-            fade = self.cone.fade(np.stack(away))
-            fading = self._fading(p, away, distance)
-            total *= fade
+            total *= self.cone.fade(away)
+            fading = self.cone.crosses(away, np.float32(self.radius) / distance)
             uneven |= fading & (cosines[0] > -np.sqrt(sine2))
         total[inside] = 1 / r2
         chosen = np.flatnonzero(uneven & ~inside)
         if len(chosen):
-            nearest = float(np.min(distance[chosen]))
-            steep = self.cone is None or self.cone.slope * self.radius > 0.3 * nearest
-            nodes = lattice_nodes(FADE_NODES[steep])
+            nodes = disc_nodes(*self._nodes(float(np.min(distance[chosen]))))
             total[chosen] = self.light_by_samples(p[:, chosen], [normal[:, chosen] for normal in normals], nodes)
         return total
 
-    def _fading(self, p: Float32, away: list[Float32], distance: Float32) -> Bools:
-        """Where the fade is not the same all over the lamp: tried at four points of its rim."""
-        assert self.cone is not None
-        low, high = np.full(len(distance), 1, np.float32), np.zeros(len(distance), np.float32)
-        for v in (0.0, 0.25, 0.5, 0.75):
-            way, _ = self.aim(p, np.full_like(distance, 1), np.full_like(distance, v))
-            fade = self.cone.fade(way)
-            np.minimum(low, fade, out=low)
-            np.maximum(high, fade, out=high)
-        return high - low > np.float32(1e-4)
+    def _nodes(self, nearest: float) -> tuple[int, int]:
+        """Nodes that serve receivers from `nearest` on, m."""
+        if self.cone is None:
+            return HORIZON_NODES
+        steepness = self.cone.slope * self.radius / nearest
+        return next(nodes for least, nodes in reversed(FADE_NODES) if steepness >= least)
 
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
         away: Float32 = np.stack([self.position[k] - p[k] for k in range(3)])
@@ -238,7 +248,7 @@ class SunLamp(Lamp):
         total[below <= 0] = 0
         if len(cut):
             normals = normals_of(shading[cut], geometric[cut])
-            total[cut] = self.light_by_samples(np.zeros_like(normals[0]), normals, lattice_nodes(FADE_NODES[1]))
+            total[cut] = self.light_by_samples(np.zeros_like(normals[0]), normals, disc_nodes(*HORIZON_NODES))
         return total
 
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
