@@ -258,8 +258,8 @@ def vase(place: Point) -> None:
     bpy.ops.curve.make_segment()
     bpy.ops.object.mode_set(mode="OBJECT")
     body = surface.splines[0]
-    body.use_cyclic_u, body.use_endpoint_v = True, True
-    body.order_u, body.order_v = 4, 3
+    body.use_cyclic_v, body.use_endpoint_u = True, True  # u along the profile, v around
+    body.order_u, body.order_v = 4, 4
     body.resolution_u, body.resolution_v = 4, 5
     body.use_smooth = True
 
