@@ -103,8 +103,8 @@ class RadiosityObjectSettings(bpy.types.PropertyGroup):
         default=False,
     )
     only_casts: BoolProperty(
-        name="Only Shadow and Bounce",
-        description="Give the object no lightmap, but let it shadow and bounce light onto others",
+        name="No Lightmap",
+        description="Let the object shadow and bounce light onto others, but take none itself",
         default=False,
     )
     density: FloatProperty(
