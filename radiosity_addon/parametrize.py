@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from .arrays import Bools, Float64, Int64
 from .charts import Faces, measure, signed_area, tidy
-from .errors import SceneError
 from .islands import islands, rough_share, welded
 from .kept_uv import kept_uv
 from .scene import Mesh
@@ -35,7 +37,7 @@ ROUGH_SHARE = 0.3
 PLAIN_CHART = 500
 """Triangles of a chart of the plain unwrap."""
 
-BATCH = 8_000
+BATCH = 20_000
 """Triangles that are tidied at once."""
 
 BOXY = 0.95
@@ -43,6 +45,11 @@ BOXY = 0.95
 
 ANGLES = 24
 """Directions tried for the narrowest box around a chart, besides that of its longest edge."""
+
+
+YIELD_SECONDS = 0.02
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +77,10 @@ class _Surface:
 
 
 def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat | None], tuple[str, ...]]]:
-    """Lays meshes flat and returns what went unusually; None for a mesh without any area.
+    """Lays meshes of finite positions flat and returns what went unusually; None for a mesh without any area.
 
     Raises:
-        SceneError: positions that aren't finite; UvMapError: a map that can't be kept
+        UvMapError: a map that can't be kept
         BakeError: xatlas can't be loaded
     """
     surfaces = [_surface(mesh) for mesh in meshes]
@@ -87,11 +94,11 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
         if not surface.solid.any():
             warnings.append(f"{mesh.name}: all its faces are degenerate, it gets no lightmap")
         elif mesh.uv is not None:
-            uv, chart = kept_uv(mesh, surface.area, surface.solid)
+            uv, chart = yield from _meanwhile(partial(kept_uv, mesh, surface.area, surface.solid), 0.0)
             result[which] = Flat(uv, chart, rigid=True)
         else:
             cut.append(which)
-            for job, triangles, rough in _jobs(mesh, surface):
+            for job, triangles, rough in (yield from _meanwhile(partial(_jobs, mesh, surface), 0.0)):
                 if rough:
                     warnings.append(f"{mesh.name}: {len(triangles)} rough faces, unwrapped plainly")
                     plain.append((which, triangles))
@@ -101,14 +108,7 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
         yield 0.0
     cuts: list[Cut | None] = []
     if jobs:
-        steps = cut_into_charts(jobs)
-        try:
-            while True:
-                yield 0.8 * next(steps)
-        except StopIteration as stop:
-            cuts = stop.value
-        finally:
-            steps.close()
+        cuts = yield from scaled(cut_into_charts(jobs), 0.0, 0.8)
 
     raw = {which: _RawCharts.empty(len(meshes[which].triangles)) for which in cut}
     for (which, triangles), found in zip(job_of, cuts, strict=True):
@@ -122,11 +122,36 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
         yield 0.8
     done = 0
     for batch in _batches(cut, [len(mesh.triangles) for mesh in meshes]):
-        for which, flat in _tidied(batch, meshes, surfaces, raw):
+        share = 0.8 + 0.2 * done / len(cut)
+        for which, flat in (yield from _meanwhile(partial(_tidied, batch, meshes, surfaces, raw), share)):
             result[which] = flat
         done += len(batch)
         yield 0.8 + 0.2 * done / len(cut)
     return result, tuple(warnings)
+
+
+def _meanwhile(work: Callable[[], T], share: float) -> Generator[float, None, T]:
+    """Does some work in a thread and yields `share` until it is done: a large mesh takes seconds of NumPy."""
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(work)
+        while True:
+            done, _ = wait([future], YIELD_SECONDS)
+            if done:
+                return future.result()
+            yield share
+
+
+def scaled(steps: Generator[object, None, T], low: float, high: float) -> Generator[float, None, T]:
+    """Runs steps that yield a share done, or nothing, and yields the share of the whole."""
+    try:
+        while True:
+            share = next(steps)
+            yield low + (high - low) * share if isinstance(share, float) else low
+    except StopIteration as stop:
+        result: T = stop.value
+        return result
+    finally:
+        steps.close()
 
 
 @dataclass
@@ -149,8 +174,6 @@ class _RawCharts:
 
 def _surface(mesh: Mesh) -> _Surface:
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
-    if not np.isfinite(corners).all():
-        raise SceneError(mesh.name, "it has vertices that are not finite numbers", "Repair its mesh or modifiers")
     flat = corners.reshape(-1, 3)
     low, high = flat.min(axis=0), flat.max(axis=0)
     corners = corners - (low + high) / 2
@@ -309,9 +332,9 @@ def _narrowest(uv: Float64, chart: Int64) -> Float64:
 
 def _box(points: Float64, first: Int64, angle: Float64) -> Float64:
     """Area of the box around each chart turned by its angle."""
-    count = np.diff(np.append(first, len(points)))
-    cosine, sine = np.repeat(np.cos(angle), count)[:, None], np.repeat(np.sin(angle), count)[:, None]
-    x, y = points[..., 0], points[..., 1]
+    count = 3 * np.diff(np.append(first, len(points)))
+    cosine, sine = np.repeat(np.cos(angle), count), np.repeat(np.sin(angle), count)
+    x, y = points.reshape(-1, 2).T
     turned = (cosine * x - sine * y, sine * x + cosine * y)
-    wide, high = (np.maximum.reduceat(w.max(1), first) - np.minimum.reduceat(w.min(1), first) for w in turned)
+    wide, high = (np.maximum.reduceat(w, 3 * first) - np.minimum.reduceat(w, 3 * first) for w in turned)
     return np.asarray(wide * high)

@@ -6,16 +6,15 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from .arrays import Float32, Float64, Int32, Int64
 from .cells import HIDDEN_SHARE, lay_cells
-from .errors import SettingsError
+from .errors import SceneError, SettingsError
 from .packing import Items, Placement, fill_page, place
-from .parametrize import Flat, flatten_meshes
-from .scene import Scene
+from .parametrize import Flat, flatten_meshes, scaled
+from .scene import Mesh, Scene
 from .settings import BakeSettings
 
 MIPMAP_PAGE = 512
@@ -30,7 +29,6 @@ FILL_STEPS = 5
 SURELY_FITS = 0.2
 """Objects that need a smaller share of a page, in charts of half its edge at most, fit on one without being tried."""
 
-T = TypeVar("T")
 Packed = tuple[list[int], Placement]
 """Objects on one page, by their index in a list, and where their items lie."""
 
@@ -67,14 +65,16 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
     """Unwraps and packs a scene. Yields the share done; closing the generator ends the child process too.
 
     Raises:
-        SceneError: an existing uv map that can't be kept, with the attribute `polygons`, or positions that aren't
-            finite
+        SceneError: positions that aren't finite, a density multiplier that isn't positive; as UvMapError with the
+            attribute `polygons`: an existing uv map that can't be kept
         SettingsError: an object is too large for a page at the wanted density, or there are too many charts for a page
         BakeError: xatlas can't be loaded
     """
+    for mesh in scene.meshes:
+        _check(mesh)
     meshes = [index for index, mesh in enumerate(scene.meshes) if mesh.lightmapped and len(mesh.triangles)]
     steps = flatten_meshes([scene.meshes[index] for index in meshes])
-    flats, warnings = yield from _scaled(steps, 0.0, 0.7)
+    flats, warnings = yield from scaled(steps, 0.0, 0.7)
     flat_of = {index: flat for index, flat in zip(meshes, flats, strict=True) if flat is not None}
     owners = list(flat_of)
     items = [_items(flat_of[index], scene.meshes[index].density) for index in owners]
@@ -82,9 +82,9 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
     pages: list[Packed] = []
     if settings.density is not None:
         names = [scene.meshes[index].name for index in owners]
-        pages = yield from _scaled(_many_pages(items, names, settings.density, settings.page_size, padding), 0.7, 0.95)
+        pages = yield from scaled(_many_pages(items, names, settings.density, settings.page_size, padding), 0.7, 0.95)
     elif items:
-        page, narrower = yield from _scaled(_one_page(items, settings.page_size, padding), 0.7, 0.95)
+        page, narrower = yield from scaled(_one_page(items, settings.page_size, padding), 0.7, 0.95)
         pages, warnings = [page], warnings + narrower
 
     count = len(scene.meshes)
@@ -102,7 +102,9 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
             index = owners[which]
             flat = flat_of[index]
             end = begin + len(flat.chart)
-            atlas_uv[index][_item_order(flat)] = np.clip(texels[begin:end] / settings.page_size, 0, 1)
+            spots = texels[begin:end] / settings.page_size
+            assert np.abs(spots - 0.5).max() < 0.5 + 1e-4, "packed beyond the page"
+            atlas_uv[index][_item_order(flat)] = np.clip(spots, 0, 1)
             atlas_chart[index] = (flat.chart + charts).astype(np.int32)
             charts += int(flat.chart.max()) + 1
             begin = end
@@ -130,17 +132,11 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
     )
 
 
-def _scaled(steps: Generator[object, None, T], low: float, high: float) -> Generator[float, None, T]:
-    """Runs steps that yield a share done, or nothing, and yields the share of the whole."""
-    try:
-        while True:
-            share = next(steps)
-            yield low + (high - low) * share if isinstance(share, float) else low
-    except StopIteration as stop:
-        result: T = stop.value
-        return result
-    finally:
-        steps.close()
+def _check(mesh: Mesh) -> None:
+    if not np.isfinite(mesh.vertices[mesh.triangles]).all():
+        raise SceneError(mesh.name, "it has vertices that are not finite numbers", "Repair its mesh or modifiers")
+    if not (math.isfinite(mesh.density) and mesh.density > 0):
+        raise SceneError(mesh.name, f"its density multiplier is {mesh.density:g}", "Give a positive number")
 
 
 def _item_order(flat: Flat) -> Int64:
@@ -189,7 +185,7 @@ def _many_pages(
             if best is not None and len(chosen) <= len(best[0]) and set(chosen) <= set(best[0]):
                 low = target
                 continue
-            placement = yield from _scaled(place(_joined([items[i] for i in chosen]), density, size, padding), 0, 0)
+            placement = yield from scaled(place(_joined([items[i] for i in chosen]), density, size, padding), 0, 0)
             if placement is None:
                 high = target
                 continue
@@ -197,7 +193,7 @@ def _many_pages(
             if step == 0:
                 break
         if best is None:
-            placement = yield from _scaled(place(items[left[0]], density, size, padding), 0, 0)
+            placement = yield from scaled(place(items[left[0]], density, size, padding), 0, 0)
             assert placement is not None, "was tried alone before"
             best = ([left[0]], placement)
         pages.append(best)
@@ -231,9 +227,9 @@ def _refuse_too_large(
     for which, item in enumerate(items):
         if area[which] < SURELY_FITS * size**2 and item.extent.max() * density < size / 2:
             continue
-        if (yield from _scaled(place(item, fits, size, padding), 0, 0)) is not None:
+        if (yield from scaled(place(item, fits, size, padding), 0, 0)) is not None:
             continue
-        placement = yield from _scaled(fill_page(item, size, padding), 0, 0)
+        placement = yield from scaled(fill_page(item, size, padding), 0, 0)
         if placement is None:
             raise SettingsError(
                 "Density", f"{names[which]} has more charts than a page of {size} texels holds", "Choose larger pages"

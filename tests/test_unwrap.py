@@ -381,6 +381,12 @@ def test_vertices_that_are_not_finite_are_refused_by_name():
         atlas_of([mesh])
 
 
+@pytest.mark.parametrize("multiplier", [0.0, -1.0, np.nan])
+def test_a_multiplier_that_is_not_positive_is_refused_by_name(multiplier):
+    with pytest.raises(SceneError, match="crate: its density multiplier"):
+        atlas_of([make_box("crate", density=multiplier)])
+
+
 def test_a_noisy_surface_is_unwrapped_in_seconds():
     mesh = make_grid("noise", 80, height=1.0)  # 12,800 triangles: unlimited charts take xatlas about 15 s
     atlas = atlas_of([mesh], page_size=512)
