@@ -95,7 +95,7 @@ def irradiance_at(
                 rays = samples if lamp.extended else 1
                 origins, facing = [rows_of(points[part][lit])], [rows_of(normals[part][lit])]
                 chosen = shifts[0][lit], shifts[1][lit]
-                light[lit] *= visible_share(lamp, origins, facing, chosen, rays, visibility)
+                light[lit] *= visible_share(lamp, origins, facing, chosen, rays, visibility)[0]
             _add(total[part], lamp, light)
     return total
 
@@ -197,10 +197,10 @@ def _shadow(
     found: list[Int64] = yield from scaled(pool, 0, 0.1)
     partly = np.concatenate(found) if found else np.zeros(0, np.int64)
     partly = partly[probes.light[index, partly] > 0]
-    rays = settings.steps.shadow_rays
-    yield from scaled(trace_partly(lamp, texels, partly, ratio, visibility, rays, settings.workers), 0.1, 0.8)
+    noise = np.zeros_like(ratio)
+    rays, workers = settings.steps.shadow_rays, settings.workers
+    yield from scaled(trace_partly(lamp, texels, partly, ratio, noise, visibility, rays, workers), 0.1, 0.8)
     if lamp.extended:
-        yield from scaled(
-            smooth_penumbrae(texels, partly, ratio, probes.light[index] > 0, rays, settings.workers), 0.8, 1
-        )
+        lit = probes.light[index] > 0
+        yield from scaled(smooth_penumbrae(texels, partly, ratio, noise, lit, workers), 0.8, 1)
     return ratio

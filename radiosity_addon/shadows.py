@@ -28,7 +28,7 @@ BAND = 512
 POOL = 2
 """Probes are pooled over this many texels to every side."""
 
-EDGE_RAYS = 16
+EDGE_RAYS = 64
 """Shadow rays of a texel where a lamp without size casts an edge: they only find the lit share of the footprint."""
 
 
@@ -117,8 +117,9 @@ def visible_share(
     shifts: tuple[Float32, Float32],
     count: int,
     visibility: Visibility,
-) -> Float32:
-    """The part of a lamp's light that arrives, (B,) float32 in 0..1; 1 where no sample has any.
+) -> tuple[Float32, Float32]:
+    """The part of a lamp's light that arrives, (B,) float32 in 0..1, and its variance as two halves of the samples
+    tell it; 1 and 0 where no sample has any light.
 
     A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
 
@@ -127,27 +128,47 @@ def visible_share(
         shifts: (B,) each, of the sample lattice
         count: samples
     """
-    total = np.zeros(len(shifts[0]), np.float32)
-    arrived = np.zeros_like(total)
+    total, arrived = np.zeros((2, 2, len(shifts[0])), np.float32)
     for k, (u, v) in enumerate(lattice(count)):
         p = origins[k % len(origins)]
         weight, part = shoot(lamp, p, normals, shifted(u, shifts[0]), shifted(v, shifts[1]), visibility)
-        total += weight
-        arrived += part
-    return np.where(total > 0, arrived / np.where(total > 0, total, 1), np.float32(1))
+        half = k // STRATA % 2  # both halves go through all strata of the footprint
+        total[half] += weight
+        arrived[half] += part
+    one, two = (_share(arrived[half], total[half]) for half in (0, 1))
+    variance: Float32 = np.square((one - two) * np.float32(0.5))
+    return _share(arrived.sum(0), total.sum(0)), variance
+
+
+def _share(part: Float32, whole: Float32) -> Float32:
+    share: Float32 = np.where(whole > 0, part / np.where(whole > 0, whole, 1), np.float32(1))
+    return share
 
 
 def trace_partly(
-    lamp: Lamp, texels: Texels, partly: Int64, ratio: Float32, visibility: Visibility, count: int, workers: int
+    lamp: Lamp,
+    texels: Texels,
+    partly: Int64,
+    ratio: Float32,
+    noise: Float32,
+    visibility: Visibility,
+    count: int,
+    workers: int,
 ) -> Fractions[None]:
-    """Trace `count` shadow rays from each of the texels `partly` and write what they see to `ratio` (T,)."""
+    """Trace `count` shadow rays from each of the texels `partly`: the share seen to `ratio`, its variance to `noise`.
+
+    Args:
+        partly: (N,) int64
+        ratio, noise: (T,) float32, written at `partly`
+    """
     rays = count if lamp.extended else min(count, EDGE_RAYS)
     distinct = STRATA if lamp.extended else rays
 
     def work(start: int, stop: int) -> None:
         receivers = Receivers.of(texels, partly[start:stop])
         origins = [receivers.origins(texels, k) for k in range(distinct)]
-        ratio[receivers.ids] = visible_share(lamp, origins, receivers.normals, receivers.shifts, rays, visibility)
+        ids = receivers.ids
+        ratio[ids], noise[ids] = visible_share(lamp, origins, receivers.normals, receivers.shifts, rays, visibility)
 
     return in_chunks(work, len(partly), TRACE_CHUNK, workers)
 
