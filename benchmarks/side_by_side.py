@@ -24,7 +24,7 @@ GAP = 8
 """White pixels between the halves."""
 
 
-def path_traced(blend: Path, samples: int, threads: int, picture: Path) -> None:
+def render(blend: Path, samples: int, threads: int, picture: Path) -> None:
     """Render a scene as it is, to the end of the light."""
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     scene = bpy.context.scene
@@ -36,10 +36,10 @@ def path_traced(blend: Path, samples: int, threads: int, picture: Path) -> None:
     bpy.ops.render.render(write_still=True)
 
 
-def baked(blend: Path, page_size: int, quality: str, picture: Path) -> None:
-    """Bake a scene by the command line and render it."""
-    command = [sys.executable, "-m", "radiosity_addon", "bake", blend, "-o", picture.with_suffix(".blend")]
-    options = ["--page-size", page_size, "--quality", quality, "--render", picture]
+def bake(blend: Path, page_size: int, quality: str, output: Path) -> None:
+    """Bake a scene by the command line."""
+    command = [sys.executable, "-m", "radiosity_addon", "bake", blend, "-o", output]
+    options = ["--page-size", page_size, "--quality", quality]
     subprocess.run([str(part) for part in command + options], check=True, cwd=ROOT)
 
 
@@ -67,8 +67,8 @@ def main() -> None:
     """Render both halves and join them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene", nargs="?", default="cornell_box", help="a sample scene; default: cornell_box")
-    parser.add_argument("--samples", type=int, default=512, help="of the path tracer; default: 512")
-    parser.add_argument("--threads", type=int, default=0, help="of the path tracer; default: 0, all")
+    parser.add_argument("--samples", type=int, default=384, help="of both halves; default: 384")
+    parser.add_argument("--threads", type=int, default=0, help="of the renderer; default: 0, all")
     parser.add_argument("--page-size", type=int, default=1024, help="default: 1024")
     parser.add_argument("--quality", default="high", help="of the bake; default: high")
     parser.add_argument("--left", type=Path, help="a picture to take as the path traced half")
@@ -79,8 +79,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         left, right = options.left or Path(folder) / "traced.png", Path(folder) / "baked.png"
         if not options.left:
-            path_traced(blend, options.samples, options.threads, left)
-        baked(blend, options.page_size, options.quality, right)
+            render(blend, options.samples, options.threads, left)
+        lit = Path(folder) / "baked.blend"
+        bake(blend, options.page_size, options.quality, lit)
+        render(lit, options.samples, options.threads, right)
         halves = pixels(left), pixels(right)
         difference = np.abs(halves[0] - halves[1])[..., :3]
         gap = np.ones((len(halves[0]), GAP, 4), np.float32)
