@@ -17,7 +17,8 @@ from .arrays import Bools, Float32, Int32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .gather_points import GatherPoints, cell_keys, place_points
 from .guiding import direction_bins, directions_in, draw_bins, pool
-from .irradiance_fit import find_neighbours, fit_irradiance
+from .irradiance_fit import fit_irradiance
+from .neighbours import find_neighbours
 from .patches import NOTHING, Patches
 from .sampling import cosine_directions, even_uniform
 from .settings import BakeSettings

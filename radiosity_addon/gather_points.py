@@ -3,7 +3,7 @@
 
 Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988), so
 a cell is split while it is wide against the harmonic mean distance seen from its point, or its normals differ.
-Cells are world-space ones, so charts and objects that share a plane share them.
+Cells are world-space ones: charts of one surface share them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
+from .patches import mixed_radix
 from .texels import Texels
 
 LEVELS = 6
@@ -55,14 +56,12 @@ Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32]]]
 
 
 def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
-    """One number for each texel (C,), equal within a cell of `width`, m, and a facing of the shading normal."""
+    """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
     normal = texels.shading_normal[chosen]
     axis = np.abs(normal).argmax(1)
-    key = axis.astype(np.int64) * 2 + (normal[np.arange(len(axis)), axis] < 0)
-    for column in range(3):
-        cell = np.floor(texels.position[chosen, column] / np.float32(width)).astype(np.int64)
-        key = key * (1 << 20) + (cell + (1 << 19))
-    return key
+    facing = axis.astype(np.int64) * 2 + (normal[np.arange(len(axis)), axis] < 0)
+    cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
+    return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], facing, *cell.T)
 
 
 def place_points(

@@ -154,9 +154,13 @@ def _cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
     normal = texels.normal[chosen]
     axis = np.abs(normal).argmax(1)
     facing = axis * 2 + (normal[np.arange(len(axis)), axis] < 0)
-    parts = (surfaces.component[triangle], surfaces.material[triangle], facing, *cell.T)
-    key = np.zeros(len(chosen), np.int64)
-    for part in parts:  # a number in mixed radix; 10^5 parts x 10^3 materials x 6 x 10^8 cells fit
+    return mixed_radix(surfaces.component[triangle], surfaces.material[triangle], facing, *cell.T)
+
+
+def mixed_radix(*parts: Int32 | Int64) -> Int64:
+    """One number for each tuple of integers; 10^5 components x 10^3 materials x 6 facings x 10^8 cells fit."""
+    key = np.zeros(len(parts[0]), np.int64)
+    for part in parts:
         low = int(part.min(initial=0))
         key = key * (int(part.max(initial=0)) - low + 1) + (part - low)
     return key

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which gather points count for the texels of each cell: near, facing alike, and seen across the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Int32, Int64
+from .chunks import Fractions, in_chunks
+from .gather_points import GatherPoints
+from .texels import Texels
+from .visibility import Visibility
+
+REACH = 1.6
+"""A point counts for texels within this many widths of the cells around them."""
+
+GROWTH = 0.35
+"""Cells are taken to widen by this share of the distance, so that the reach has no steps where cells halve."""
+
+NEIGHBOURS = 24
+"""Points considered for a cell, at most."""
+
+SAME_FACING = 0.7
+"""Least cosine between normals of a texel and a point that counts for it (45 degrees)."""
+
+SAME_PLANE = 0.2
+"""A point counts if it lies within this share of the distance off the common tangent plane."""
+
+CELL_RADIUS = 0.75
+"""Texels of a cell lie within about this many widths of its point."""
+
+LEVELS_APART = 2
+"""Points of cells up to 2^2 times wider or narrower count."""
+
+CLEARANCE = 0.005
+"""Height above a flat surface, as a share of the distance, at which two points must see each other."""
+
+CROWDED = 1.5
+"""A cell is crowded if another surface comes nearer than this many of its widths."""
+
+MARGIN = REACH * (1 + GROWTH * CELL_RADIUS)
+"""How far beyond a cell a point may lie, in widths, to count for a texel in it."""
+
+CELLS = 512
+"""Cells looked at in one go: some 10^5 candidate points, whose arrays stay in cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Points that count for each cell.
+
+    Attributes:
+        point: (P, NEIGHBOURS) int32, nearest first, padded with the cell's own point
+        count: (P,) int32
+        crowded: (P,) bool, other surfaces come close: each texel asks for itself what it sees
+    """
+
+    point: Int32
+    count: Int32
+    crowded: Bools
+
+
+def find_neighbours(
+    texels: Texels, points: GatherPoints, visibility: Visibility, workers: int
+) -> Fractions[Neighbours]:
+    """Points that may count for the texels of each cell."""
+    position = texels.position[points.texel]
+    normal = texels.shading_normal[points.texel]
+    jobs = _jobs(position, points)
+
+    def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
+        cell, point = jobs[start].pairs()
+        gap = position[point] - position[cell]
+        distance = np.sqrt(np.einsum("ij,ij->i", gap, gap))
+        beyond = distance - np.float32(CELL_RADIUS) * points.width[cell]
+        beyond /= np.minimum(points.width[point], points.width[cell])
+        close = np.flatnonzero(beyond < MARGIN)
+        cell, point, gap, distance, beyond = cell[close], point[close], gap[close], distance[close], beyond[close]
+        facing = np.einsum("ij,ij->i", normal[cell], normal[point])
+        height = np.abs(np.einsum("ij,ij->i", gap, normal[cell] + normal[point])) / 2
+        alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
+        order = alike[np.lexsort((point[alike], np.maximum(beyond[alike], 0), cell[alike]))]
+        order = order[_rank(cell[order]) < NEIGHBOURS]
+        cell, point, gap, distance, beyond = cell[order], point[order], gap[order], distance[order], beyond[order]
+        up = lift(distance, facing[order], texels.surfaces.offset)
+        origins = position[cell] + normal[cell] * up
+        blocked = visibility.occluded(origins, gap + (normal[point] - normal[cell]) * up) & (distance > 0)
+        return cell[~blocked], point[~blocked], beyond[~blocked], cell[blocked]
+
+    parts = yield from in_chunks(work, len(jobs), 1, workers)
+    if not parts:
+        return Neighbours(np.zeros((0, NEIGHBOURS), np.int32), np.zeros(0, np.int32), np.zeros(0, bool))
+    cell, point, beyond, cut = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.lexsort((point, np.maximum(beyond, 0), cell))
+    cell, point = cell[order], point[order]
+    rank = _rank(cell)
+    kept = rank < NEIGHBOURS
+    table = np.repeat(np.arange(points.count, dtype=np.int32)[:, None], NEIGHBOURS, axis=1)
+    table[cell[kept], rank[kept]] = point[kept]
+    count = np.minimum(np.bincount(cell, minlength=points.count), NEIGHBOURS).astype(np.int32)
+    crowded = points.nearest < points.width * np.float32(CROWDED)
+    crowded[cut] = True
+    hidden = points.cell[~texels.valid]
+    crowded[hidden[hidden >= 0]] = True
+    return Neighbours(table, count, crowded)
+
+
+def _rank(cell: Int64) -> Int64:
+    """How many equal numbers come before each, in sorted ones."""
+    return np.arange(len(cell)) - np.searchsorted(cell, cell, side="left")
+
+
+def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
+    """Height (R, 1), m, at which points so far apart, with so much between their normals, must see each other.
+
+    The chord of an arc between normals at an angle t sags by distance * tan(t / 4) / 2.
+    """
+    sag = np.sqrt(np.maximum(1 - cosine, 0) / 8) / 2  # about t / 8
+    height: Float32 = distance * (sag * np.float32(1.2) + np.float32(CLEARANCE)) + np.float32(offset)
+    return height[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """Cells (C,) and points (Q,) with the cubes they lie in, the points sorted by theirs."""
+
+    cell: Int64
+    cell_cube: Int64
+    point: Int64
+    point_cube: Int64
+
+    def pairs(self) -> tuple[Int64, Int64]:
+        """Every cell with every point in its cube and the 26 around it."""
+        begins, sizes = [], []
+        for dx in (-1, 0, 1):
+            for dy in (-1, 0, 1):
+                row = self.cell_cube + ((dx << 42) + (dy << 21))  # cubes one above the other follow each other
+                begin = np.searchsorted(self.point_cube, row - 1, side="left")
+                begins.append(begin)
+                sizes.append(np.searchsorted(self.point_cube, row + 1, side="right") - begin)
+        begin, size = np.stack(begins, axis=1).reshape(-1), np.stack(sizes, axis=1).reshape(-1)
+        run = np.repeat(np.arange(len(size)), size)
+        place = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
+        return self.cell[run // 9], self.point[place]
+
+
+def _jobs(position: Float32, points: GatherPoints) -> list[_Job]:
+    """Cells with the points that may count for them, by the widths of both."""
+    jobs = []
+    widths = np.unique(points.width)
+    limit = np.float32(2.0 ** (LEVELS_APART + 0.5))
+    for width in widths:
+        cells = np.flatnonzero(points.width == width)
+        for other in widths[(widths < width * limit) & (widths > width / limit)]:
+            radius = np.float32(CELL_RADIUS) * width + np.float32(MARGIN) * min(width, other)
+            cube = np.floor(position / radius).astype(np.int64) + (1 << 19)
+            key = (cube[:, 0] << 42) + (cube[:, 1] << 21) + cube[:, 2]
+            others = np.flatnonzero(points.width == other)
+            others = others[np.argsort(key[others], kind="stable")]
+            for start in range(0, len(cells), CELLS):
+                part = cells[start : start + CELLS]
+                jobs.append(_Job(part, key[part], others, key[others]))
+    return jobs
