@@ -29,7 +29,10 @@ from .texels import Texels
 from .visibility import Visibility
 
 BATCH = 8
-"""Lamps treated together: they share ray origins, and each costs 10 bytes a texel while the batch is worked on."""
+"""Lamps treated together, at most: they share ray origins."""
+
+BATCH_TEXELS = 1 << 24
+"""Lamps of a batch times texels, at most: each pair takes 6 bytes while the batch is worked on."""
 
 PROBE_CHUNK = 1 << 14
 """Texels probed in one go."""
@@ -109,7 +112,8 @@ def direct_irradiance(
         (T, G, 3) float32, W/m2; zero where a texel is not valid
     """
     total = np.zeros((texels.count, group_count, 3), np.float32)
-    batches = [lamps.lamps[start : start + BATCH] for start in range(0, len(lamps.lamps), BATCH)]
+    size = max(1, min(BATCH, BATCH_TEXELS // max(texels.count, 1)))
+    batches = [lamps.lamps[start : start + size] for start in range(0, len(lamps.lamps), size)]
     for done, batch in enumerate(batches):
         steps = _add_batch(batch, texels, visibility, settings, total)
         yield from scaled(steps, done / len(batches), (done + 1) / len(batches))

@@ -67,10 +67,10 @@ def add_lamp(kind: str, values: dict) -> None:
     bpy.context.scene.collection.objects.link(lamp)
 
 
-def add_floor() -> None:
-    """Far below the probes, because a scene without a face can't be baked."""
+def add_floor(size: float = 1.0) -> None:
+    """Far below the probes, because a scene without a dull face can't be baked."""
     mesh = bpy.data.meshes.new("floor")
-    mesh.from_pydata([(-1, -1, -9), (1, -1, -9), (0, 1, -9)], [], [(0, 1, 2)])
+    mesh.from_pydata([(-size, -size, -9), (size, -size, -9), (0, size, -9)], [], [(0, 1, 2)])
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("floor", mesh))
 
 
@@ -85,20 +85,53 @@ def cycles_direct(points: Probes) -> np.ndarray:
     return math.pi * pixels.reshape(-1, 4)[: len(points.position), :3].astype(np.float64)
 
 
+def found_and_expected() -> tuple[np.ndarray, np.ndarray]:
+    """Irradiance of the scene's one lamp at the probes (N,), red channel: ours and Cycles'."""
+    scene = extract_scene(bpy.context.scene).scene
+    surfaces = flatten(scene)
+    (lamp,) = lamps_of(scene.moved(-surfaces.origin), surfaces).lamps
+    points = probes()
+    position = points.position + SIZE * LIFT_SHARE * points.normal - surfaces.origin
+    light = lamp.light(position.astype(np.float32), points.normal.astype(np.float32), None)
+    return light * lamp.strength[0], cycles_direct(points)[:, 0]
+
+
+def add_emitter(shape: str) -> None:
+    """A glowing mesh where the lamps hang."""
+    if shape == "ball":
+        bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3, radius=0.4, location=(0.1, 0.05, 1))
+    elif shape == "cube":
+        bpy.ops.mesh.primitive_cube_add(size=0.6, location=(0.1, 0.05, 1), rotation=(0.3, 0.2, 0.5))
+    else:
+        bpy.ops.mesh.primitive_plane_add(size=0.8, location=(0.1, 0.05, 1), rotation=(0.3, 0.2, 0.5))
+    material = bpy.data.materials.new("glow")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    emission, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    emission.inputs["Strength"].default_value = 10
+    material.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    bpy.context.object.data.materials.append(material)
+
+
+@pytest.mark.parametrize("shape", ["ball", "cube", "plane"])
+def test_an_emissive_mesh_gives_what_cycles_gives(shape: str) -> None:
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    add_emitter(shape)
+    add_floor(9.0)
+    bpy.context.view_layer.update()
+    found, expected = found_and_expected()
+    assert np.abs(found - expected).max() < 2 * TOLERANCE * expected.max()
+    assert found.sum() == pytest.approx(expected.sum(), rel=TOLERANCE)
+
+
 @pytest.mark.parametrize("name", LAMPS)
 def test_an_unshadowed_lamp_gives_what_cycles_gives(name: str) -> None:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     add_lamp(*LAMPS[name])
     add_floor()
     bpy.context.view_layer.update()
-    scene = extract_scene(bpy.context.scene).scene
-    surfaces = flatten(scene)
-    (lamp,) = lamps_of(scene, surfaces).lamps
-    points = probes()
-    expected = cycles_direct(points)[:, 0]
-    normal = points.normal.astype(np.float32)
-    position = (points.position + SIZE * LIFT_SHARE * points.normal).astype(np.float32)
-    found = lamp.light(position, normal, None) * lamp.strength[0]
-    error = found - expected
-    assert np.abs(error).max() < TOLERANCE * expected.max()
+    found, expected = found_and_expected()
+    assert np.abs(found - expected).max() < TOLERANCE * expected.max()
     assert found.sum() == pytest.approx(expected.sum(), rel=TOLERANCE)
