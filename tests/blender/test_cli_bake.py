@@ -290,7 +290,7 @@ def test_ctrl_c_exits_with_130_and_leaves_nothing_behind(scene: Path, tmp_path: 
     before = tree(tmp_path)
     command = [sys.executable, "-m", "radiosity_addon", "bake", scene, "-o", tmp_path / "out" / "lit.blend"]
     child = subprocess.Popen(
-        [*command, "--page-size", "2048", "--quality", "high"],
+        [*command, "--page-size", "1024", "--quality", "high"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
