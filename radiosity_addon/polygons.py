@@ -26,6 +26,10 @@ FAR = 8.0
 ELLIPSE_CORNERS = 24
 """Corners of the polygon that stands for an ellipse: right to 1e-3 as near as a tenth of the radius."""
 
+GRAZING = np.float32(1e-5)
+"""A polygon that nowhere rises above a horizon by this share of its size plus coordinates does not rise at all: seen
+from a point of its own plane it would else be nothing or half the sky, as rounding has it."""
+
 TINY = np.float32(1e-30)
 """Keeps 0 / 0 from arising where a point lies on an edge; the numerator is then 0 as well."""
 
@@ -139,7 +143,8 @@ def _polygon_block(polygon: Polygon, p: Float32, normals: list[Float32]) -> Floa
     else:
         corners = polygon.corners.astype(np.float32)
         low, high = _heights(corners, p, normals)
-        whole |= low > 0
+        least = _least_rise(corners)
+        whole |= low > least
         near = whole & ~far
         if near.all():
             total = _lambert(corners, p, normals[0])
@@ -148,7 +153,7 @@ def _polygon_block(polygon: Polygon, p: Float32, normals: list[Float32]) -> Floa
             for chosen, light in ((np.flatnonzero(far), _from_nodes), (np.flatnonzero(near), _from_corners)):
                 if len(chosen):
                     total[chosen] = light(polygon, p[:, chosen], normals[0][:, chosen])
-            cut = np.flatnonzero(~whole & (high > 0))
+            cut = np.flatnonzero(~whole & (high > least))
             if len(cut):
                 total[cut] = _clipped(corners, p[:, cut], [normal[:, cut] for normal in normals])
     return np.abs(total, out=total) if polygon.two_sided else np.maximum(total, 0, out=total)
@@ -163,13 +168,14 @@ def signed_light(corners: Float32, p: Float32, normals: list[Float32]) -> Float3
         normals: (3, B) each; the first has the cosine, all have horizons
     """
     low, high = _heights(corners, p, normals)
-    whole = low > 0
+    least = _least_rise(corners)
+    whole = low > least
     if whole.all():
         return _lambert(corners, p, normals[0])
     total = np.zeros(p.shape[1], np.float32)
     seen = np.flatnonzero(whole)
     total[seen] = _lambert(corners[:, :, seen], p[:, seen], normals[0][:, seen])
-    cut = np.flatnonzero(~whole & (high > 0))
+    cut = np.flatnonzero(~whole & (high > least))
     if len(cut):
         total[cut] = _clipped(corners[:, :, cut], p[:, cut], [normal[:, cut] for normal in normals])
     return total
@@ -189,6 +195,13 @@ def _heights(corners: Float32, p: Float32, normals: list[Float32]) -> tuple[Floa
             np.maximum(top, height, out=top)
         np.minimum(high, top, out=high)
     return low, high
+
+
+def _least_rise(corners: Float32) -> Float32:
+    """How high a polygon (E, 3) or (E, 3, B) has to rise over a horizon to be seen, () or (B,) m."""
+    size: Float32 = np.abs(corners - corners[0]).max(axis=(0, 1))
+    size += np.abs(corners).max(axis=(0, 1)) / 8
+    return size * GRAZING
 
 
 def _from_corners(polygon: Polygon, p: Float32, normal: Float32) -> Float32:

@@ -197,6 +197,25 @@ def test_an_emitter_of_most_of_the_scene_is_left_to_the_gather() -> None:
     assert not lamps.sampled.any()
 
 
+@pytest.mark.parametrize("turned", range(6))
+@pytest.mark.parametrize("rings", [0, 3, 24])
+def test_an_emitter_does_not_light_the_surface_it_is(rings: int, turned: int) -> None:
+    rng = np.random.default_rng(turned)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    shape = ball(0.5, rings) if rings else mesh_of("panel", [quad((-0.5, -0.35, 0), (1, 0, 0), (0, 0.7, 0))], [0])
+    shape = replace(shape, vertices=shape.vertices @ turn.T + rng.uniform(-3, 3, 3))
+    wall = mesh_of("wall", [quad((-20, -20, -9), (40, 0, 0), (0, 40, 0))], [1])
+    scene = Scene((shape, wall), (Material("Glow", emission=WHITE), GREY))
+    surfaces = flatten(scene)
+    (lamp,) = lamps_of(scene.moved(-surfaces.origin), surfaces).lamps
+    own = surfaces.corners[: len(shape.triangles)]
+    weights = rng.dirichlet([1, 1, 1], (len(own), 7)).astype(np.float32)
+    points = np.einsum("fkc,fcx->fkx", weights, own).reshape(-1, 3)
+    normals = np.repeat(surfaces.normal[: len(own)], 7, axis=0)
+    assert lamp.light(points, normals, None).max() < 0.01
+    assert lamp.light(points, -normals, None).max() < (math.inf if rings else 0.01)
+
+
 class Stage:
     """A lit scene: its texels, and their direct light."""
 
