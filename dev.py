@@ -42,7 +42,7 @@ class Failure(Exception):
 
 def main() -> int:
     """Run one command; the exit code."""
-    arguments, pytest_arguments = split_arguments(sys.argv[1:])
+    arguments, words = split_arguments(sys.argv[1:])
     parser = argparse.ArgumentParser(prog="dev.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
@@ -52,11 +52,11 @@ def main() -> int:
 
     command = commands.add_parser("test", help="lint, check types and test; what follows -- goes to pytest")
     command.add_argument("--python", choices=PYTHONS, help="test on this version only")
-    command.set_defaults(run=lambda options: test(options.python, pytest_arguments))
+    command.set_defaults(run=lambda options: test(options.python, words))
 
-    command = commands.add_parser("bench", help="run benchmarks/, or only those named")
-    command.add_argument("names", nargs="*", metavar="NAME")
-    command.set_defaults(run=lambda options: bench(options.names))
+    command = commands.add_parser("bench", help="run a script of benchmarks/; what follows -- goes to it")
+    command.add_argument("name", nargs="?", default="speed", metavar="NAME", help="default: speed")
+    command.set_defaults(run=lambda options: bench(options.name, words))
 
     command = commands.add_parser("release", help="build the extension's zip for each platform, wheels included")
     command.add_argument("--platform", choices=WHEEL_TAGS, action="append", help="only this one; may be repeated")
@@ -136,14 +136,12 @@ def test(version: str | None, pytest_arguments: list[str]) -> int:
     return int(failed)
 
 
-def bench(names: Sequence[str]) -> int:
-    """Run the scripts of benchmarks/ one after the other; 0 if all passed."""
+def bench(name: str, arguments: list[str]) -> int:
+    """Run one script of benchmarks/; its exit code."""
     known = {path.stem: path for path in sorted((ROOT / "benchmarks").glob("[!_]*.py"))}
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise Failure(f"no benchmark {', '.join(unknown)}. There are: {', '.join(known)}.")
-    python = environment(any_interpreter())
-    return max([call([python, known[name]]) for name in names or known], default=0)
+    if name not in known:
+        raise Failure(f"no benchmark {name}. There are: {', '.join(known)}.")
+    return call([environment(any_interpreter()), known[name], *arguments])
 
 
 def release(platforms: Sequence[str], extra_wheels: Path | None, output: Path) -> int:
