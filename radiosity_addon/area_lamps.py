@@ -55,6 +55,14 @@ class PanelLamp(Lamp):
     shadow: bool
     group: int
 
+    @property
+    def unevenness(self) -> float:
+        return 0.1 if len(self.ends) == 1 else 1.0
+
+    @property
+    def hidden_share(self) -> float:
+        return 0.0 if self.box is None else 0.5
+
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
         total = np.zeros(len(points), np.float32)
         for polygon in self.polygons:

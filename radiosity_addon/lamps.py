@@ -49,6 +49,19 @@ class Lamp(ABC):
         """Has a size, so that its shadows have penumbrae."""
         return True
 
+    @property
+    def unevenness(self) -> float:
+        """Variance of a visible share over the one that halves of its samples tell; 1 for independent samples.
+
+        Even samples err far less than their halves differ. Measured: below 0.06 noise stays, above 0.2 edges blur.
+        """
+        return 0.1
+
+    @property
+    def hidden_share(self) -> float:
+        """Share of the samples that a receiver can't see because the lamp's own body is before them."""
+        return 0.0
+
     @abstractmethod
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
         """Unshadowed irradiance per unit strength at points (P, 3) with unit normals (P, 3): (P,) float32.

@@ -118,8 +118,8 @@ def visible_share(
     count: int,
     visibility: Visibility,
 ) -> tuple[Float32, Float32]:
-    """The part of a lamp's light that arrives, (B,) float32 in 0..1, and its variance as two halves of the samples
-    tell it; 1 and 0 where no sample has any light.
+    """The part of a lamp's light that arrives, (B,) float32 in 0..1, and its variance if its samples were
+    independent, told by two halves of them; 1 and 0 where no sample has any light.
 
     A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
 
@@ -161,14 +161,15 @@ def trace_partly(
         partly: (N,) int64
         ratio, noise: (T,) float32, written at `partly`
     """
-    rays = count if lamp.extended else min(count, EDGE_RAYS)
+    rays = round(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
     distinct = STRATA if lamp.extended else rays
 
     def work(start: int, stop: int) -> None:
         receivers = Receivers.of(texels, partly[start:stop])
         origins = [receivers.origins(texels, k) for k in range(distinct)]
-        ids = receivers.ids
-        ratio[ids], noise[ids] = visible_share(lamp, origins, receivers.normals, receivers.shifts, rays, visibility)
+        seen, variance = visible_share(lamp, origins, receivers.normals, receivers.shifts, rays, visibility)
+        ratio[receivers.ids] = seen
+        noise[receivers.ids] = variance * np.float32(lamp.unevenness)
 
     return in_chunks(work, len(partly), TRACE_CHUNK, workers)
 
