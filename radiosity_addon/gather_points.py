@@ -29,6 +29,12 @@ SPLIT_BEND = 0.02
 FINEST = 2.0
 """No cell is narrower than this many texels."""
 
+DARK = 1e-3
+"""A cell is not split where its point receives less than this share of the mean over all points."""
+
+LAYER = 0.2
+"""Texels of a cell that lie this share of its width off its mean plane are a cell of their own: folds, thin sheets."""
+
 
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
@@ -51,8 +57,8 @@ class GatherPoints:
         return len(self.texel)
 
 
-Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32]]]
-"""Traces pilot rays from texels (Q,); returns their harmonic mean and nearest distances (Q,), m."""
+Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32, Float32]]]
+"""Traces pilot rays from texels (Q,); returns harmonic mean and least distance, m, and light received; all (Q,)."""
 
 
 def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
@@ -71,35 +77,62 @@ def place_points(
     cell = np.full(texels.count, -1, np.int32)
     at_texel = np.full(texels.count, -1, np.int32)
     places: list[Int64] = []
-    widths = harmonic = nearest = np.zeros(0, np.float32)
+    widths = harmonic = nearest = light = np.zeros(0, np.float32)
     open_texels = np.flatnonzero(lit)
     for level in range(LEVELS):
         if not len(open_texels):
             break
         width = base / 2**level
         last = level == LEVELS - 1 or width / 2 < FINEST * texel_width
-        keys = cell_keys(texels, open_texels, width)
-        order = np.argsort(keys, kind="stable")
-        members = open_texels[order]
-        begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
-        size = np.diff(np.append(begin, len(order)))
+        cells = _cells(texels, open_texels, width)
+        members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
         fresh = members[begin[new] + size[new] // 2]
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
         seen = yield from look(fresh)
-        harmonic = np.concatenate([harmonic, seen[0]])
-        nearest = np.concatenate([nearest, seen[1]])
+        harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
         widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
         places.append(fresh)
         widths[point] = width
         cell[members] = np.repeat(point, size)
         if last:
             break
-        mean = np.add.reduceat(texels.shading_normal[members], begin, axis=0) / size[:, None]
-        bent = np.sqrt(np.einsum("ij,ij->i", mean, mean)) < 1 - SPLIT_BEND
-        split = ((width > SPLIT_SHARE * harmonic[point]) | bent) & (size > 1)
+        narrow = width > SPLIT_SHARE * harmonic[point]
+        bright = light[point] > DARK * light.mean()
+        split = (narrow | cells.bent) & bright & (size > 1)
         open_texels = np.sort(members[np.repeat(split, size)])
     texel = np.concatenate(places) if places else np.zeros(0, np.int64)
     return GatherPoints(texel, widths.astype(np.float32), nearest.astype(np.float32), cell)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """C cells: texels `members`, those of cell i from begin[i], size[i] of them; `bent` if their normals differ."""
+
+    members: Int64
+    begin: Int64
+    size: Int64
+    bent: Bools
+
+
+def _cells(texels: Texels, chosen: Int64, width: float) -> _Cells:
+    members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
+    owner = np.repeat(np.arange(len(begin)), size)
+    share = (1 / size[:, None]).astype(np.float32)
+    normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
+    position = texels.position[members]
+    centre = np.add.reduceat(position, begin, axis=0) * share
+    height = np.einsum("ij,ij->i", position - centre[owner], normal[owner])
+    layer = np.rint(height / np.float32(LAYER * width)).astype(np.int64)
+    if layer.any():
+        members, begin, size = _grouped(members, mixed_radix(owner, layer))
+        normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) / size[:, None]
+    return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - SPLIT_BEND)
+
+
+def _grouped(chosen: Int64, keys: Int64) -> tuple[Int64, Int64, Int64]:
+    order = np.argsort(keys, kind="stable")
+    begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+    return chosen[order], begin, np.diff(np.append(begin, len(order)))

@@ -46,11 +46,14 @@ def pool(groups: Int64, count: int, bins: Int64, light: Float32) -> Float32:
     return (flat / np.where(total > 0, total, 1) * BIN_DENSITY).astype(np.float32)
 
 
-def draw_bins(density: Float32, samples: int) -> Int64:
-    """Bins (groups, samples) drawn in proportion to each row's density by one systematic sweep; dark rows: bin 0."""
+def draw_bins(density: Float32, samples: int, first: int) -> Int64:
+    """Bins (groups, samples) drawn in proportion to each row's density by one systematic sweep; dark rows: any.
+
+    Row i draws the random numbers of row `first` + i of all.
+    """
     edges = np.cumsum(density.astype(np.float64) / BIN_DENSITY, axis=1)
     rows = np.arange(len(density))
-    start = hash_uniform(rows, 11).astype(np.float64)[:, None]
+    start = hash_uniform(rows + first, 11).astype(np.float64)[:, None]
     places = (start + np.arange(samples)) / samples * edges[:, -1:]
     shifted = edges + 2.0 * rows[:, None]  # every row above the last, so that one search serves all
     found = np.searchsorted(shifted.reshape(-1), (places + 2.0 * rows[:, None]).reshape(-1), side="right")

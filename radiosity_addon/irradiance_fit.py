@@ -39,7 +39,8 @@ def fit_irradiance(
     (compact support, so no step shows where a point comes in), and the plane's value at the texel is taken.
     """
     taking = np.flatnonzero(points.cell >= 0)
-    taking = taking[np.argsort(points.cell[taking], kind="stable")]
+    cell_of = points.cell[taking]
+    taking = taking[np.lexsort((cell_of, neighbours.count[cell_of]))]  # rows of one chunk are about equally long
     position = texels.position[points.texel]
     normal = texels.shading_normal[points.texel]
     result: Float32 = np.zeros((texels.count, irradiance.shape[1]), np.float32)

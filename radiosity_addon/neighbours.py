@@ -19,7 +19,7 @@ REACH = 1.6
 GROWTH = 0.35
 """Cells are taken to widen by this share of the distance, so that the reach has no steps where cells halve."""
 
-NEIGHBOURS = 24
+NEIGHBOURS = 16
 """Points considered for a cell, at most."""
 
 SAME_FACING = 0.7
@@ -37,13 +37,16 @@ LEVELS_APART = 2
 CLEARANCE = 0.005
 """Height above a flat surface, as a share of the distance, at which two points must see each other."""
 
-CROWDED = 1.5
+CROWDED = 0.75
 """A cell is crowded if another surface comes nearer than this many of its widths."""
 
 MARGIN = REACH * (1 + GROWTH * CELL_RADIUS)
 """How far beyond a cell a point may lie, in widths, to count for a texel in it."""
 
-CELLS = 512
+CUBES = 2
+"""Points are sought in cubes of this part of the radius: smaller ones hold fewer that are too far."""
+
+CELLS = 256
 """Cells looked at in one go: some 10^5 candidate points, whose arrays stay in cache."""
 
 
@@ -71,13 +74,10 @@ def find_neighbours(
     jobs = _jobs(position, points)
 
     def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
-        cell, point = jobs[start].pairs()
+        cell, point, distance = jobs[start].pairs()
         gap = position[point] - position[cell]
-        distance = np.sqrt(np.einsum("ij,ij->i", gap, gap))
-        beyond = distance - np.float32(CELL_RADIUS) * points.width[cell]
-        beyond /= np.minimum(points.width[point], points.width[cell])
-        close = np.flatnonzero(beyond < MARGIN)
-        cell, point, gap, distance, beyond = cell[close], point[close], gap[close], distance[close], beyond[close]
+        narrower = np.minimum(points.width[point], points.width[cell])
+        beyond = (distance - np.float32(CELL_RADIUS) * points.width[cell]) / narrower
         facing = np.einsum("ij,ij->i", normal[cell], normal[point])
         height = np.abs(np.einsum("ij,ij->i", gap, normal[cell] + normal[point])) / 2
         alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
@@ -124,26 +124,34 @@ def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """Cells (C,) and points (Q,) with the cubes they lie in, the points sorted by theirs."""
+    """Cells (C,) and points (Q,), where they lie (C, 3), (Q, 3), and in which cubes; the points sorted by theirs."""
 
     cell: Int64
+    cell_place: Float32
     cell_cube: Int64
     point: Int64
+    point_place: Float32
     point_cube: Int64
+    radius: float
 
-    def pairs(self) -> tuple[Int64, Int64]:
-        """Every cell with every point in its cube and the 26 around it."""
+    def pairs(self) -> tuple[Int64, Int64, Float32]:
+        """Cells and points within the radius of each other, and their distance."""
         begins, sizes = [], []
-        for dx in (-1, 0, 1):
-            for dy in (-1, 0, 1):
+        for dx in range(-CUBES, CUBES + 1):
+            for dy in range(-CUBES, CUBES + 1):
                 row = self.cell_cube + ((dx << 42) + (dy << 21))  # cubes one above the other follow each other
-                begin = np.searchsorted(self.point_cube, row - 1, side="left")
+                begin = np.searchsorted(self.point_cube, row - CUBES, side="left")
                 begins.append(begin)
-                sizes.append(np.searchsorted(self.point_cube, row + 1, side="right") - begin)
+                sizes.append(np.searchsorted(self.point_cube, row + CUBES, side="right") - begin)
         begin, size = np.stack(begins, axis=1).reshape(-1), np.stack(sizes, axis=1).reshape(-1)
         run = np.repeat(np.arange(len(size)), size)
-        place = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
-        return self.cell[run // 9], self.point[place]
+        point = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
+        cell = run // len(begins)
+        gap = self.point_place[point]
+        gap -= self.cell_place[cell]
+        squared: Float32 = np.einsum("ij,ij->i", gap, gap)
+        near = np.flatnonzero(squared < self.radius**2)
+        return self.cell[cell[near]], self.point[point[near]], np.sqrt(squared[near])
 
 
 def _jobs(position: Float32, points: GatherPoints) -> list[_Job]:
@@ -155,11 +163,12 @@ def _jobs(position: Float32, points: GatherPoints) -> list[_Job]:
         cells = np.flatnonzero(points.width == width)
         for other in widths[(widths < width * limit) & (widths > width / limit)]:
             radius = np.float32(CELL_RADIUS) * width + np.float32(MARGIN) * min(width, other)
-            cube = np.floor(position / radius).astype(np.int64) + (1 << 19)
+            cube = np.floor(position * (CUBES / radius)).astype(np.int64) + (1 << 19)
             key = (cube[:, 0] << 42) + (cube[:, 1] << 21) + cube[:, 2]
             others = np.flatnonzero(points.width == other)
             others = others[np.argsort(key[others], kind="stable")]
             for start in range(0, len(cells), CELLS):
                 part = cells[start : start + CELLS]
-                jobs.append(_Job(part, key[part], others, key[others]))
+                places = position[part], position[others]
+                jobs.append(_Job(part, places[0], key[part], others, places[1], key[others], float(radius)))
     return jobs
