@@ -35,6 +35,9 @@ DARK = 1e-3
 LAYER = 0.2
 """Texels of a cell that lie this share of its width off its mean plane are a cell of their own: folds, thin sheets."""
 
+THINNEST = 0.75
+"""Layers are not thinner than this many texels."""
+
 
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
@@ -84,7 +87,7 @@ def place_points(
             break
         width = base / 2**level
         last = level == LEVELS - 1 or width / 2 < FINEST * texel_width
-        cells = _cells(texels, open_texels, width)
+        cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width))
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
@@ -117,7 +120,7 @@ class _Cells:
     bent: Bools
 
 
-def _cells(texels: Texels, chosen: Int64, width: float) -> _Cells:
+def _cells(texels: Texels, chosen: Int64, width: float, thickness: float) -> _Cells:
     members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
     owner = np.repeat(np.arange(len(begin)), size)
     share = (1 / size[:, None]).astype(np.float32)
@@ -125,7 +128,7 @@ def _cells(texels: Texels, chosen: Int64, width: float) -> _Cells:
     position = texels.position[members]
     centre = np.add.reduceat(position, begin, axis=0) * share
     height = np.einsum("ij,ij->i", position - centre[owner], normal[owner])
-    layer = np.rint(height / np.float32(LAYER * width)).astype(np.int64)
+    layer = np.rint(height / np.float32(thickness)).astype(np.int64)
     if layer.any():
         members, begin, size = _grouped(members, mixed_radix(owner, layer))
         normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) / size[:, None]

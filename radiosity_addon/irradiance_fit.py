@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From gather points to every texel: a first-order least-squares fit in world space over the points nearby.
 
-Each point counts within a radius in proportion to its cell, so the fit is fine where points are dense. Points that
-a texel can't see across the surface are left out: light does not leak under a wall.
+Each point counts within a reach in proportion to the cells around, so the fit is fine where points are dense. Points
+that a texel can't see across the surface are left out: light does not leak under a wall.
 """
 
 from __future__ import annotations
@@ -12,17 +12,21 @@ import numpy as np
 from .arrays import Float32, Int64
 from .chunks import Fractions, in_chunks
 from .gather_points import GatherPoints
-from .neighbours import GROWTH, REACH, SAME_FACING, SAME_PLANE, Neighbours, lift
+from .neighbours import GROWTH, REACH, Neighbours, lift
 from .texels import Texels
 from .visibility import Visibility
 
-SLOPE_DAMPING = 0.02
+SLOPE_DAMPING = 0.01
 """Added to the normalised second moments: slopes fade out where points are too few to tell them."""
 
 OVERSHOOT = 0.3
 """A fitted value may leave the range of its points by this share of the range."""
 
-CHUNK = 1 << 14
+TEXELS = 1 << 12
+"""Texels fitted in one go: their arrays, 0.3 MB each, stay in cache."""
+
+NOWHERE = np.float32(1e15)
+"""Where padding lies, in metres: out of every reach, and its square within float32."""
 
 
 def fit_irradiance(
@@ -35,101 +39,129 @@ def fit_irradiance(
 ) -> Fractions[Float32]:
     """Irradiance (T, C) at every texel from that at the points (P, C); 0 where there is none.
 
-    In the tangent plane of each texel the points' values are fitted by a plane with weights (1 - d^2 / r^2)^2
-    (compact support, so no step shows where a point comes in), and the plane's value at the texel is taken.
+    In the tangent plane of each cell the points' values are fitted, for each texel anew, by a plane with weights
+    (1 - d^2 / r^2)^2 (compact support, so no step shows where a point comes in); the plane's value at the texel is
+    taken.
     """
     taking = np.flatnonzero(points.cell >= 0)
     cell_of = points.cell[taking]
-    taking = taking[np.lexsort((cell_of, neighbours.count[cell_of]))]  # rows of one chunk are about equally long
-    position = texels.position[points.texel]
-    normal = texels.shading_normal[points.texel]
+    order = np.lexsort((cell_of, neighbours.count[cell_of]))  # rows of one chunk are about equally long
+    taking, cell_of = taking[order], cell_of[order]
     result: Float32 = np.zeros((texels.count, irradiance.shape[1]), np.float32)
 
     def work(start: int, stop: int) -> None:
         texel = taking[start:stop]
-        cell = points.cell[texel]
-        most = int(neighbours.count[cell].max(initial=1))
-        point = neighbours.point[cell, :most]
-        padding = np.arange(most) >= neighbours.count[cell][:, None]
-        here, facing = texels.position[texel], texels.shading_normal[texel]
-        gap = position[point]
-        gap -= here[:, None]
-        width = points.width[point]
-        width[padding] = np.inf
-        weight, reach = _weights(gap, np.einsum("tkc,tc->tk", normal[point], facing), width, facing)
-        weight[padding] = 0
-        asking = np.flatnonzero(neighbours.crowded[cell])
-        if len(asking):
-            _leave_out_hidden(weight, asking, texels, texel, here, facing, gap, normal[point], visibility)
+        cells, row = np.unique(cell_of[start:stop], return_inverse=True)
+        plane = _Plane(cells, texels, points, neighbours)
+        x, y = plane.project(texels.position[texel], row)
+        weight, reach = _weights(x, y, plane.width[row])
+        crowded = np.flatnonzero(neighbours.crowded[cells][row])
+        if len(crowded):
+            _leave_out_hidden(weight, crowded, texels, texel, plane.texel[row], visibility)
         lonely = weight.sum(1) <= 0
         weight[lonely, 0] = 1
-        result[texel] = _fit(weight, gap, facing, irradiance[point], reach)
+        values = irradiance[plane.point]
+        fitted = _fit(weight, x, y, reach, values, row)
+        low, high = values.min(1), values.max(1)
+        slack = OVERSHOOT * (high - low)
+        result[texel] = np.clip(fitted, np.maximum(low - slack, 0)[row], (high + slack)[row])
 
-    yield from in_chunks(work, len(taking), CHUNK, workers)
+    yield from in_chunks(work, len(taking), TEXELS, workers)
     return result
 
 
-def _weights(gap: Float32, cosine: Float32, width: Float32, facing: Float32) -> tuple[Float32, Float32]:
-    """Weights (T, K) of points at `gap` (T, K, 3) from texels facing (T, 3), and the reach (T,), m."""
-    weight: Float32 = np.einsum("tkc,tkc->tk", gap, gap)
-    distance = np.sqrt(weight)
-    reach = np.float32(REACH) * (width + np.float32(GROWTH) * distance).min(1)
-    flat = np.abs(np.einsum("tkc,tc->tk", gap, facing)) <= np.float32(2 * SAME_PLANE) * distance
+class _Plane:
+    """Tangent planes of cells (C,) and where their neighbours (C, K) lie in them.
+
+    Attributes:
+        point: (C, K) the neighbours, padded with the cell's own point
+        texel: (C, K) the texels they stand at
+        width: (C, K) float32, m, of their cells; huge for padding
+    """
+
+    def __init__(self, cells: Int64, texels: Texels, points: GatherPoints, neighbours: Neighbours) -> None:
+        count = neighbours.count[cells]
+        most = int(count.max(initial=1))
+        self.point = neighbours.point[cells, :most]
+        self.texel = points.texel[self.point]
+        self.width = points.width[self.point]
+        normal = texels.shading_normal[points.texel[cells]]
+        self._origin = texels.position[points.texel[cells]]
+        # Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3
+        sign = np.copysign(np.float32(1), normal[:, 2])
+        a = -1 / (sign + normal[:, 2])
+        b = normal[:, 0] * normal[:, 1] * a
+        self._tangent = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
+        self._other = np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
+        gap = texels.position[self.texel] - self._origin[:, None]
+        self._x = np.einsum("ckx,cx->ck", gap, self._tangent)
+        self._y = np.einsum("ckx,cx->ck", gap, self._other)
+        padding = np.arange(most) >= count[:, None]
+        self._x[padding] = NOWHERE
+        self.width[padding] = NOWHERE
+
+    def project(self, position: Float32, row: Int64) -> tuple[Float32, Float32]:
+        """Offsets (T, K), m, of the neighbours from texels at `position` (T, 3) of cells row (T,)."""
+        gap = position - self._origin[row]
+        x, y = self._x[row], self._y[row]
+        x -= np.einsum("tx,tx->t", gap, self._tangent[row])[:, None]
+        y -= np.einsum("tx,tx->t", gap, self._other[row])[:, None]
+        return x, y
+
+
+def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
+    """Weights (T, K) of points at offsets x, y, and the reach (T,), m."""
+    weight: Float32 = x * x
+    weight += y * y
+    reach = np.sqrt(weight)
+    reach *= np.float32(GROWTH)
+    reach += width
+    reach = reach.min(1) * np.float32(REACH)
     weight /= (reach * reach)[:, None]
     np.subtract(1, weight, out=weight)
     np.maximum(weight, 0, out=weight)
     weight *= weight
-    cosine = (cosine - np.float32(SAME_FACING)) / np.float32(1 - SAME_FACING)
-    weight *= np.maximum(cosine, 0)
-    weight *= flat
     return weight, reach
 
 
 def _leave_out_hidden(
-    weight: Float32,
-    asking: Int64,
-    texels: Texels,
-    texel: Int64,
-    here: Float32,
-    facing: Float32,
-    gap: Float32,
-    normal: Float32,
-    visibility: Visibility,
+    weight: Float32, crowded: Int64, texels: Texels, texel: Int64, beside: Int64, visibility: Visibility
 ) -> None:
-    """Set to 0, in place, the weights of points that the texels `asking` can't see."""
-    row, column = np.nonzero(weight[asking] > 0)
-    row = asking[row]
-    span = gap[row, column]
+    """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see."""
+    row, column = np.nonzero(weight[crowded] > 0)
+    row = crowded[row]
+    here, there = texel[row], beside[row, column]
+    normal, other = texels.shading_normal[here], texels.shading_normal[there]
+    start = texels.position[here]
+    span = texels.position[there] - start
     distance = np.sqrt(np.einsum("ij,ij->i", span, span))
-    up = lift(distance, np.einsum("ij,ij->i", facing[row], normal[row, column]), texels.surfaces.offset)
-    start = facing[row] * up
-    blocked = visibility.occluded(here[row] + start, span + normal[row, column] * up - start)
+    up = lift(distance, np.einsum("ij,ij->i", normal, other), texels.surfaces.offset)
+    start += normal * up
+    span += (other - normal) * up
+    blocked = visibility.occluded(start, span) & (here != there)
     weight[row[blocked], column[blocked]] = 0
 
 
-def _fit(weight: Float32, gap: Float32, facing: Float32, values: Float32, width: Float32) -> Float32:
-    """Value (T, C) at each texel of the plane fitted to values (T, K, C) at gaps (T, K, 3)."""
-    sign = np.copysign(np.float32(1), facing[:, 2])
-    a = -1 / (sign + facing[:, 2])
-    b = facing[:, 0] * facing[:, 1] * a
-    tangent = np.stack([1 + sign * facing[:, 0] ** 2 * a, sign * b, -sign * facing[:, 0]], axis=1)
-    other = np.stack([b, sign + facing[:, 1] ** 2 * a, -facing[:, 1]], axis=1)
-    x = np.einsum("tkc,tc->tk", gap, tangent) / width[:, None]
-    y = np.einsum("tkc,tc->tk", gap, other) / width[:, None]
+def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float32, row: Int64) -> Float32:
+    """Value (T, C) at each texel of the plane fitted to values (cells, K, C) of cells row (T,) at offsets x, y."""
+    scale = (1 / reach)[:, None]
+    x *= scale
+    y *= scale
+    x[weight == 0] = 0
+    y[weight == 0] = 0
     total = weight.sum(1)
-    wx, wy = weight * x, weight * y
-    mean_x, mean_y = wx.sum(1) / total, wy.sum(1) / total
-    xx = (wx * x).sum(1) / total - mean_x**2 + SLOPE_DAMPING
-    yy = (wy * y).sum(1) / total - mean_y**2 + SLOPE_DAMPING
-    xy = (wx * y).sum(1) / total - mean_x * mean_y
+    mean_x = np.einsum("tk,tk->t", weight, x) / total
+    mean_y = np.einsum("tk,tk->t", weight, y) / total
+    x -= mean_x[:, None]
+    y -= mean_y[:, None]
+    xx = np.einsum("tk,tk,tk->t", weight, x, x) / total + np.float32(SLOPE_DAMPING)
+    yy = np.einsum("tk,tk,tk->t", weight, y, y) / total + np.float32(SLOPE_DAMPING)
+    xy = np.einsum("tk,tk,tk->t", weight, x, y) / total
     # the plane at the texel is the mean of the values less the slope times the points' mean offset
     determinant = xx * yy - xy * xy
-    slope_x = (mean_x * yy - mean_y * xy) / determinant
-    slope_y = (mean_y * xx - mean_x * xy) / determinant
-    weight = weight * (1 - (x - mean_x[:, None]) * slope_x[:, None] - (y - mean_y[:, None]) * slope_y[:, None])
-    fitted = np.einsum("tk,tkc->tc", weight, values) / total[:, None]
-    counting = (weight != 0)[:, :, None]
-    low = np.where(counting, values, np.inf).min(1)
-    high = np.where(counting, values, -np.inf).max(1)
-    slack = OVERSHOOT * (high - low)
-    return np.clip(fitted, np.maximum(low - slack, 0), high + slack).astype(np.float32)
+    x *= ((mean_x * yy - mean_y * xy) / determinant)[:, None]
+    y *= ((mean_y * xx - mean_x * xy) / determinant)[:, None]
+    x += y
+    np.subtract(1, x, out=x)
+    x *= weight
+    return np.asarray(np.einsum("tk,tkc->tc", x, values[row]) / total[:, None], np.float32)
