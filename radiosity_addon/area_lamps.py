@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from .arrays import Float32
+from .arrays import Float32, Int32
 from .lamp_samples import TINY, dot, gauss_nodes, normals_of, on_disc, outside, rows_of
 from .lamps import TOUCHING, Lamp
 from .polygons import BLOCK, Polygon, ellipse, parallelogram, polygon_light
@@ -16,6 +17,9 @@ from .scene import RGB, AreaLight
 
 SPREAD_NODES = 12
 """Gauss points along each side of the part of an area lamp that a narrowed spread lets a receiver see."""
+
+SLOTS = 8
+"""Slots of the unit interval for each cell of an emitter, at least; finding a sample's cell is then one look-up."""
 
 SPREAD_LEAST = 2e-3
 """Radians. Narrower spreads are taken as this: no one sees the difference, and float32 still resolves the fade."""
@@ -80,23 +84,51 @@ class PanelLamp(Lamp):
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
         if len(self.ends) == 1:
             corner, edge_u, edge_v = (part[0][:, None] for part in (self.corner, self.edge_u, self.edge_v))
-            normal = self.normal[0][:, None]
+            normal = self.normal[0] * np.float32(-self.area)
         else:
-            cell = np.minimum(np.searchsorted(self.ends, u, side="right"), len(self.ends) - 1)
-            below = np.where(cell > 0, self.ends[cell - 1], 0)
-            u = np.clip((u - below) / np.maximum(self.ends[cell] - below, TINY), 0, 1)
-            corner, edge_u, edge_v = self.corner[cell].T, self.edge_u[cell].T, self.edge_v[cell].T
-            normal = self.normal[cell].T
+            slots, fields = self._slots
+            cell = slots.take((u * np.float32(len(slots))).astype(np.int32))
+            corner, edge_u, edge_v, normal, (first, stretch) = (
+                [row.take(cell) for row in fields[k : k + 3]] for k in (0, 3, 6, 9, 12)
+            )
+            u = np.clip((u - first) * stretch, 0, 1)
         if self.shape == "ellipse":
             u, v = on_disc(u, v)
         elif self.shape == "triangle":
             root = np.sqrt(u)
-            u, v = root * (1 - v), root * v
-        way = np.stack([corner[k] + edge_u[k] * u + edge_v[k] * v - p[k] for k in range(3)])
-        square = np.maximum(dot(way, way), TOUCHING)
-        facing = dot(way, normal) * np.float32(-self.area)
-        facing /= square * np.sqrt(square)
+            v = root * v
+            u = root - v
+        way = np.empty((3, len(u)), np.float32)
+        for k in range(3):
+            np.multiply(edge_u[k], u, out=way[k])
+            way[k] += edge_v[k] * v
+            way[k] += corner[k]
+            way[k] -= p[k]
+        square = dot(way, way)
+        np.maximum(square, TOUCHING, out=square)
+        facing = dot(way, normal)
+        square *= np.sqrt(square)
+        facing /= square
         return way, self._shown(facing, p)
+
+    @cached_property
+    def _slots(self) -> tuple[Int32, Float32]:
+        """Equal slots of the unit interval, each with its cell, and what samples need of the cells.
+
+        Cells take slots by their areas; what a whole number of slots is off, the weight makes good.
+
+        Returns:
+            (K,) int32 cells, and (14, M) float32: corner, edges, normal times the weight, first slot, slots by K
+        """
+        count = SLOTS << len(self.ends).bit_length()
+        slots = np.searchsorted(self.ends, (np.arange(count) + 0.5) / count, side="right")
+        slots = np.minimum(slots, len(self.ends) - 1)
+        taken = np.bincount(slots, minlength=len(self.ends))
+        share = np.diff(self.ends.astype(np.float64), prepend=0)
+        weight = np.where(taken > 0, -self.area * share * count / np.maximum(taken, 1), 0)
+        first, stretch = (np.cumsum(taken) - taken) / count, count / np.maximum(taken, 1)
+        fields = [*self.corner.T, *self.edge_u.T, *self.edge_v.T, *(self.normal.T * weight), first, stretch]
+        return slots.astype(np.int32), np.array(fields, np.float32)
 
     def _shown(self, facing: Float32, p: Float32) -> Float32:
         if not self.two_sided:

@@ -4,17 +4,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
 from .area_lamps import PanelLamp
 from .arrays import Bools, Float32, Float64, Int64
-from .lamp_samples import normals_of, outside, rows_of
+from .far_field import FarField
+from .lamp_samples import dot, normals_of, outside, rows_of
 from .lamps import TOUCHING
 from .polygons import signed_light
 
 POINT = 5.0
 """A branch is a point from this many of its radii on: with the second-order term of a disc, right to half a percent."""
+
+FAR = 5.0
+"""Receivers so many radii of an emitter away look its light up in a table."""
+
+TABULATED = 256
+"""Nodes that make the table, at least, if there are so many: a table can afford finer ones than each receiver can."""
+
+LOOK_UP = 1 << 14
+"""Receivers looked up in one go."""
 
 COHERENT = 0.93
 """Least length of a branch's summed normals over its area: a cone of 31 degrees. Wider ones are split."""
@@ -108,13 +119,27 @@ class EmitterTree:
             done |= node >= self.leaves
             balls.append(ball[done])
             nodes.append(node[done])
-            ball = np.repeat(ball[~done], 2)
-            node = (2 * node[~done, None] + np.arange(2)).reshape(-1)
+            ball, node = np.repeat(ball[~done], 2), self._halves(node[~done])
             kept = self.area[node] > 0
             ball, node = ball[kept], node[kept]
         joined: Int64 = np.concatenate(balls)
         order = np.argsort(joined, kind="stable")
         return joined[order], np.concatenate(nodes)[order]
+
+    def far_nodes(self, first: int = 1) -> Int64:
+        """The nodes, from number `first` on, that stand for the emitter for all receivers from `FAR` radii on."""
+        first = min(first, self.leaves)
+        node = np.ones(1, np.int64)
+        nodes = []
+        while len(node):
+            gap = self.centre[node] - self.centre[1]
+            distance = np.float32(FAR) * self.radius[1] - np.sqrt(np.einsum("ij,ij->i", gap, gap))
+            done = (distance > np.float32(POINT) * self.radius[node]) & self.coherent[node] & (node >= first)
+            done |= node >= self.leaves
+            nodes.append(node[done])
+            node = self._halves(node[~done])
+            node = node[self.area[node] > 0]
+        return np.concatenate(nodes)
 
     def is_point(self, centre: Float32, radius: Float32, node: Int64) -> Bools:
         """Whether nodes are far enough from balls of receivers to be points."""
@@ -122,6 +147,11 @@ class EmitterTree:
         distance = np.sqrt(np.einsum("ij,ij->i", gap, gap)) - radius
         far: Bools = distance > np.float32(POINT) * self.radius[node]
         return far
+
+    @staticmethod
+    def _halves(node: Int64) -> Int64:
+        halves: Int64 = (2 * node[:, None] + np.arange(2)).reshape(-1)
+        return halves
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +164,49 @@ class MeshLamp(PanelLamp):
 
     tree: EmitterTree | None = None
 
+    @cached_property
+    def _far_nodes(self) -> Int64:
+        assert self.tree is not None
+        return self.tree.far_nodes()
+
+    @cached_property
+    def _far_field(self) -> FarField:
+        assert self.tree is not None
+        centre, radius = self.tree.centre[1], float(self.tree.radius[1])
+        nodes = self.tree.far_nodes(TABULATED)
+        return FarField.of(partial(self._vector, nodes), centre, radius, FAR)
+
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        """As `Lamp` has it: far receivers that see the emitter as a whole look its light up, others sum over nodes."""
+        assert self.tree is not None
+        total = np.zeros(len(points), np.float32)
+        centre, radius = self.tree.centre[1], self.tree.radius[1]
+        for start in range(0, len(points), LOOK_UP):
+            part = slice(start, start + LOOK_UP)
+            p = rows_of(points[part])
+            normals = normals_of(shading[part], None if geometric is None else geometric[part])
+            away = [centre[k] - p[k] for k in range(3)]
+            height = dot(away, normals[0])
+            for normal in normals[1:]:
+                np.minimum(height, dot(away, normal), out=height)
+            far = dot(away, away) > (np.float32(FAR) * radius) ** 2
+            whole = np.flatnonzero(far & (height > radius))
+            if len(whole):
+                total[start + whole] = self._far_field.light(p[:, whole], normals[0][:, whole])
+            cut = np.flatnonzero(far & (np.abs(height) <= radius))
+            step = max(PAIRS // len(self._far_nodes), 1)
+            for first in range(0, len(cut), step):
+                some = cut[first : first + step]
+                total[start + some] = self._points(self._far_nodes, p[:, some], [rows[:, some] for rows in normals])
+            near = np.flatnonzero(~far)
+            if len(near):
+                own = start + near
+                below = None if geometric is None else geometric[own]
+                total[own] = self._over_tree(points[own], shading[own], below)
+        return total
+
+    def _over_tree(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
+        """Light at near receivers, (B,): blocks of them share their cuts through the tree."""
         assert self.tree is not None
         total = np.zeros(len(points), np.float32)
         cell = halved(points, max(len(points) // BLOCK, 1).bit_length() - 1)
@@ -150,15 +222,39 @@ class MeshLamp(PanelLamp):
             own = slice(ends[number], ends[number + 1])
             p = rows_of(points[block])
             normals = normals_of(shading[block], None if geometric is None else geometric[block])
-            both = np.ones(len(block), bool) if self.box is None else ~outside(self.box, p)
             points_there, step = node[own][far[own]], max(PAIRS // len(block), 1)
             for start in range(0, len(points_there), step):
-                total[block] += self._points(points_there[start : start + step], p, normals, both)
-            total[block] += self._near(node[own][~far[own]] - self.tree.leaves, p, normals, both)
+                total[block] += self._points(points_there[start : start + step], p, normals)
+            total[block] += self._near(node[own][~far[own]] - self.tree.leaves, p, normals)
         return total
 
-    def _points(self, nodes: Int64, p: Float32, normals: list[Float32], both: Bools) -> Float32:
-        """Far nodes as points, (B,).
+    def _both(self, p: Float32) -> Bools:
+        """Which receivers p (3, B) see both sides of the faces."""
+        return np.ones(p.shape[1], bool) if self.box is None else ~outside(self.box, p)
+
+    def _points(self, nodes: Int64, p: Float32, normals: list[Float32]) -> Float32:
+        """Far nodes as points, (B,)."""
+        way, light = self._rays(nodes, p)
+        cosine = way[0] * normals[0][0] + way[1] * normals[0][1] + way[2] * normals[0][2]
+        light *= np.maximum(cosine, 0, out=cosine)
+        for other in normals[1:]:
+            light *= (way[0] * other[0] + way[1] * other[1] + way[2] * other[2]) > 0
+        total: Float32 = light.sum(0)
+        return total
+
+    def _vector(self, nodes: Int64, p: Float32) -> Float32:
+        """Light vector (3, B) of far nodes at points p (3, B)."""
+        total = np.zeros_like(p)
+        step = max(PAIRS // len(nodes), 1)
+        for start in range(0, p.shape[1], step):
+            part = slice(start, start + step)
+            way, light = self._rays(nodes, p[:, part])
+            for k in range(3):
+                total[k, part] = (way[k] * light).sum(0)
+        return total
+
+    def _rays(self, nodes: Int64, p: Float32) -> tuple[list[Float32], Float32]:
+        """Ways from points p (3, B) to nodes seen as points, and their light by way's length, (K, B) each.
 
         A node's normals fill a cone: its light does not end where the mean normal's cosine does, it fades over the
         cone, as that of a sphere's cap does. Its extent is that of a disc, to second order.
@@ -171,18 +267,14 @@ class MeshLamp(PanelLamp):
         np.maximum(square, TOUCHING, out=square)
         facing = -(way[0] * normal[:, 0] + way[1] * normal[:, 1] + way[2] * normal[:, 2])
         facing /= np.sqrt(square)
+        both = self._both(p)
         if both.any():
             facing = np.where(both, np.abs(facing), facing)
-        faded = np.clip(facing, -spread, spread)
-        faded += spread
-        faded *= faded
-        faded /= 4 * spread
-        np.maximum(facing, faded, out=faded)
-        light = way[0] * normals[0][0] + way[1] * normals[0][1] + way[2] * normals[0][2]
-        np.maximum(light, 0, out=light)
-        for other in normals[1:]:
-            light *= (way[0] * other[0] + way[1] * other[1] + way[2] * other[2]) > 0
-        light *= faded
+        light = np.clip(facing, -spread, spread)
+        light += spread
+        light *= light
+        light /= 4 * spread
+        np.maximum(facing, light, out=light)
         light *= area
         extent = 3 * facing * facing
         extent -= 2
@@ -190,13 +282,12 @@ class MeshLamp(PanelLamp):
         extent += square
         extent *= np.sqrt(square)
         light /= extent
-        total: Float32 = light.sum(0)
-        return total
+        return way, light
 
-    def _near(self, triangles: Int64, p: Float32, normals: list[Float32], both: Bools) -> Float32:
+    def _near(self, triangles: Int64, p: Float32, normals: list[Float32]) -> Float32:
         """Near triangles as polygons, (B,)."""
         assert self.tree is not None
-        receivers = p.shape[1]
+        receivers, both = p.shape[1], self._both(p)
         total = np.zeros(receivers, np.float32)
         step = max(PAIRS // receivers, 1)
         for start in range(0, len(triangles), step):
