@@ -14,11 +14,11 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-Fractions = Generator[float, None, list[T]]
-"""Yields the share done, 0..1; returns the results in order."""
+Fractions = Generator[float, None, T]
+"""Yields the share done, 0..1; returns a result."""
 
 
-def in_chunks(work: Callable[[int, int], T], count: int, chunk: int, workers: int) -> Fractions[T]:
+def in_chunks(work: Callable[[int, int], T], count: int, chunk: int, workers: int) -> Fractions[list[T]]:
     """Run work(start, stop) over 0..count and yield the share done after each chunk.
 
     Closing the generator cancels what has not started and waits for what has. At most two chunks a

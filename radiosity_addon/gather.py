@@ -87,7 +87,7 @@ def final_gather(
     steps, workers = settings.steps, settings.workers
     lit = wanted & texels.valid
     extent = float(texels.area[lit].sum(dtype=np.float64))
-    texel_width = float(np.sqrt(extent / max(1, np.count_nonzero(lit & (texels.area > 0))))) or 1.0
+    texel_width = float(np.sqrt(extent / max(1, int(np.count_nonzero(lit & (texels.area > 0)))))) or 1.0
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = max(float(np.sqrt(extent / aimed)), 1e-9)
     table = light.radiance(patches)

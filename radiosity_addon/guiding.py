@@ -58,7 +58,8 @@ def draw_bins(density: Float32, samples: int, first: int) -> Int64:
     shifted = edges + 2.0 * rows[:, None]  # every row above the last, so that one search serves all
     found = np.searchsorted(shifted.reshape(-1), (places + 2.0 * rows[:, None]).reshape(-1), side="right")
     bins = found.reshape(places.shape) - rows[:, None] * BINS
-    return np.clip(bins, 0, BINS - 1)
+    within: Int64 = np.clip(bins, 0, BINS - 1)
+    return within
 
 
 def directions_in(bins: Int64, u: Float32, v: Float32) -> Float32:

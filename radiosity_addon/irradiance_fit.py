@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import Float32, Int64
+from .arrays import Float32, Int32, Int64
 from .chunks import Fractions, in_chunks
 from .gather_points import GatherPoints
 from .neighbours import GROWTH, REACH, Neighbours, lift
@@ -79,7 +79,7 @@ class _Plane:
         width: (C, K) float32, m, of their cells; huge for padding
     """
 
-    def __init__(self, cells: Int64, texels: Texels, points: GatherPoints, neighbours: Neighbours) -> None:
+    def __init__(self, cells: Int32 | Int64, texels: Texels, points: GatherPoints, neighbours: Neighbours) -> None:
         count = neighbours.count[cells]
         most = int(count.max(initial=1))
         self.point = neighbours.point[cells, :most]

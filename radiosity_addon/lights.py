@@ -162,7 +162,7 @@ class _Probes:
 
 def _probe(
     batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
-) -> Fractions[None]:
+) -> Fractions[list[None]]:
     """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
 

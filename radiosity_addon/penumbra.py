@@ -31,7 +31,7 @@ APART = 1.6
 
 def smooth_penumbrae(
     texels: Texels, partly: Int64, ratio: Float32, noise: Float32, lit: Bools, workers: int
-) -> Fractions[None]:
+) -> Fractions[list[None]]:
     """Replace the visible shares of partly lit texels by first-order fits over their neighbours, in world space.
 
     Each texel takes the largest window, 3 x 3 to 7 x 7, whose residual the samples' own noise explains; where the

@@ -154,7 +154,7 @@ def trace_partly(
     visibility: Visibility,
     count: int,
     workers: int,
-) -> Fractions[None]:
+) -> Fractions[list[None]]:
     """Trace `count` shadow rays from each of the texels `partly`: the share seen to `ratio`, its variance to `noise`.
 
     Args:
@@ -180,7 +180,7 @@ def pool_probes(
     texels: Texels,
     ratio: Float32,
     workers: int,
-) -> Fractions[Int64]:
+) -> Fractions[list[Int64]]:
     """Decide from the probes of each 5 x 5 neighbourhood on a page who is lit.
 
     Args:

@@ -86,7 +86,7 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
 
 def _near(chosen: Bools, texels: Texels) -> Bools:
     """Texels within one texel, on the page, of a chosen one."""
-    pages = np.zeros(len(texels.texel_at), bool)
+    pages: Bools = np.zeros(len(texels.texel_at), bool)
     pages[texels.pixel[chosen]] = True
     pages = pages.reshape(-1, texels.size, texels.size)
     tall = pages.copy()
