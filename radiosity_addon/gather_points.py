@@ -29,6 +29,9 @@ SPLIT_BEND = 0.02
 FINEST = 2.0
 """No cell is narrower than this many texels."""
 
+FACINGS = 2.0
+"""Normals times this, rounded, are their facing: both flanks of a fold differ in at least one number."""
+
 DARK = 1e-3
 """A cell is not split where its point receives less than this share of the mean over all points."""
 
@@ -66,11 +69,9 @@ Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32, Float32]
 
 def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
     """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
-    normal = texels.shading_normal[chosen]
-    axis = np.abs(normal).argmax(1)
-    facing = axis.astype(np.int64) * 2 + (normal[np.arange(len(axis)), axis] < 0)
+    facing = np.rint(texels.shading_normal[chosen] * np.float32(FACINGS)).astype(np.int64)
     cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
-    return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], facing, *cell.T)
+    return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], *facing.T, *cell.T)
 
 
 def place_points(

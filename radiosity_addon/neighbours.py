@@ -43,8 +43,14 @@ CROWDED = 0.75
 MARGIN = REACH * (1 + GROWTH * CELL_RADIUS)
 """How far beyond a cell a point may lie, in widths, to count for a texel in it."""
 
+FACED = 0.25
+"""A cell takes no points that face most along an axis which it faces less than this itself."""
+
 CUBES = 2
 """Points are sought in cubes of this part of the radius: smaller ones hold fewer that are too far."""
+
+CANDIDATES = 300
+"""Where more points than these are near, only those in the innermost cubes are looked at: the nearest count most."""
 
 CELLS = 256
 """Cells looked at in one go: some 10^5 candidate points, whose arrays stay in cache."""
@@ -71,7 +77,7 @@ def find_neighbours(
     """Points that may count for the texels of each cell."""
     position = texels.position[points.texel]
     normal = texels.shading_normal[points.texel]
-    jobs = _jobs(position, points)
+    jobs = _jobs(position, normal, points)
 
     def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
         cell, point, distance = jobs[start].pairs()
@@ -134,19 +140,29 @@ class _Job:
     point_cube: Int64
     radius: float
 
+    def _around(self, cells: Int64, cubes: int) -> tuple[Int64, Int64]:
+        """Where the points in rows of cubes around cells (M,) begin, and how many they are; (M, rows)."""
+        begins, sizes = [], []
+        for dx in range(-cubes, cubes + 1):
+            for dy in range(-cubes, cubes + 1):
+                row = self.cell_cube[cells] + ((dx << 40) + (dy << 20))  # cubes of a row follow each other in z
+                begin = np.searchsorted(self.point_cube, row - cubes, side="left")
+                begins.append(begin)
+                sizes.append(np.searchsorted(self.point_cube, row + cubes, side="right") - begin)
+        return np.stack(begins, axis=1), np.stack(sizes, axis=1)
+
     def pairs(self) -> tuple[Int64, Int64, Float32]:
         """Cells and points within the radius of each other, and their distance."""
-        begins, sizes = [], []
-        for dx in range(-CUBES, CUBES + 1):
-            for dy in range(-CUBES, CUBES + 1):
-                row = self.cell_cube + ((dx << 42) + (dy << 21))  # cubes one above the other follow each other
-                begin = np.searchsorted(self.point_cube, row - CUBES, side="left")
-                begins.append(begin)
-                sizes.append(np.searchsorted(self.point_cube, row + CUBES, side="right") - begin)
-        begin, size = np.stack(begins, axis=1).reshape(-1), np.stack(sizes, axis=1).reshape(-1)
+        begin, size = self._around(np.arange(len(self.cell)), CUBES)
+        many = np.flatnonzero(size.sum(1) > CANDIDATES)
+        size[many] = 0
+        inner_begin, inner_size = self._around(many, 1)
+        rows = np.concatenate([np.repeat(np.arange(len(self.cell)), size.shape[1]), np.repeat(many, 9)])
+        begin = np.concatenate([begin.reshape(-1), inner_begin.reshape(-1)])
+        size = np.concatenate([size.reshape(-1), inner_size.reshape(-1)])
         run = np.repeat(np.arange(len(size)), size)
         point = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
-        cell = run // len(begins)
+        cell = rows[run]
         gap = self.point_place[point]
         gap -= self.cell_place[cell]
         squared: Float32 = np.einsum("ij,ij->i", gap, gap)
@@ -154,21 +170,29 @@ class _Job:
         return self.cell[cell[near]], self.point[point[near]], np.sqrt(squared[near])
 
 
-def _jobs(position: Float32, points: GatherPoints) -> list[_Job]:
-    """Cells with the points that may count for them, by the widths of both."""
+def _jobs(position: Float32, normal: Float32, points: GatherPoints) -> list[_Job]:
+    """Cells with the points that may count for them, by the widths of both.
+
+    Points are sorted by the axis they face most, then by cube; a cell asks for those axes that it faces itself.
+    """
+    towards = np.concatenate([normal, -normal], axis=1)  # share of the normal along +x, +y, +z, -x, -y, -z
+    axis = towards.argmax(1).astype(np.int64) << 60
     jobs = []
     widths = np.unique(points.width)
     limit = np.float32(2.0 ** (LEVELS_APART + 0.5))
     for width in widths:
-        cells = np.flatnonzero(points.width == width)
+        cells, faced = np.nonzero((points.width == width)[:, None] & (towards > FACED))
         for other in widths[(widths < width * limit) & (widths > width / limit)]:
             radius = np.float32(CELL_RADIUS) * width + np.float32(MARGIN) * min(width, other)
-            cube = np.floor(position * (CUBES / radius)).astype(np.int64) + (1 << 19)
-            key = (cube[:, 0] << 42) + (cube[:, 1] << 21) + cube[:, 2]
+            cube = np.floor(position * (CUBES / radius)).astype(np.int64) + (1 << 18)
+            key = (cube[:, 0] << 40) + (cube[:, 1] << 20) + cube[:, 2]
             others = np.flatnonzero(points.width == other)
-            others = others[np.argsort(key[others], kind="stable")]
+            sorted_key = key[others] + axis[others]
+            order = np.argsort(sorted_key, kind="stable")
+            others, sorted_key = others[order], sorted_key[order]
+            places = position[others]
             for start in range(0, len(cells), CELLS):
                 part = cells[start : start + CELLS]
-                places = position[part], position[others]
-                jobs.append(_Job(part, places[0], key[part], others, places[1], key[others], float(radius)))
+                sought = key[part] + (faced[start : start + CELLS].astype(np.int64) << 60)
+                jobs.append(_Job(part, position[part], sought, others, places, sorted_key, float(radius)))
     return jobs
