@@ -55,17 +55,19 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
 def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers: int) -> Fractions[Bools]:
     """(T, 4) bool: strata from which the ray along the normal meets a solid from behind.
 
+    The rays see solids alone: a floor and the ceiling above it, with a wall through both, would hide the wall's inside.
     One stratum of each texel is asked first; all four where a texel of the 3 x 3 neighbourhood is inside.
     """
     inside = np.zeros((texels.count, STRATA), bool)
     if not solid.any():
         return inside
+    solids = Visibility(texels.surfaces.corners[solid])
 
     def met(ids: Int64, slot: Int64) -> Bools:
         origins = texels.origins(ids, slot)
         directions: Float32 = texels.surfaces.normal[texels.triangle.reshape(-1)[ids * STRATA + slot]]
-        hits = visibility.first_hit(origins, directions)
-        return (hits.triangle >= 0) & ~hits.front & solid[hits.triangle]
+        hits = solids.first_hit(origins, directions)
+        return (hits.triangle >= 0) & ~hits.front
 
     def first(start: int, stop: int) -> None:
         ids = np.arange(start, stop)
@@ -81,6 +83,7 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
         inside[ids, slot] = met(ids, slot)
 
     yield from in_chunks(every, len(asked), CHUNK // STRATA, workers)
+    visibility.rays += solids.rays
     return inside
 
 
