@@ -25,10 +25,10 @@ BELOW = -3
 RAYS = 1 << 15
 """Rays traced at once."""
 
-PILOT_SHARE = 2 / 3
+PILOT_SHARE = 0.75
 """Of the rays of a point; they also serve where nothing outshines the rest."""
 
-POOL_WIDTH = 3.0
+POOL_WIDTH = 4.0
 """Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
 
 JITTER_DIMENSIONS = (4, 5)

@@ -41,9 +41,9 @@ class Quality:
 
 
 QUALITY_STEPS: dict[str, Quality] = {
-    "draft": Quality(64, 6000, 64, 8.0, 3000, 1, 16, 1),
-    "medium": Quality(128, 12000, 192, 6.0, 6000, 2, 36, 2),
-    "high": Quality(256, 24000, 512, 4.0, 12000, 4, 144, 2),
+    "draft": Quality(48, 6000, 64, 8.0, 3000, 1, 16, 1),
+    "medium": Quality(64, 12000, 256, 5.0, 6000, 2, 36, 2),
+    "high": Quality(128, 24000, 512, 4.0, 12000, 4, 144, 2),
 }
 
 
