@@ -132,7 +132,7 @@ def _seams(texels: Texels) -> _Sides:
     begin = np.flatnonzero(np.concatenate([[True], np.diff(key[order]) != 0])[: len(order)])
     pair = begin[np.diff(np.append(begin, len(order))) == 2]
     one, other = order[pair], order[pair + 1]
-    x0, y0, xu, xv, yu, yv = texels.lookup.astype(np.float64).T
+    x0, y0, xu, xv, yu, yv = texels.lookup.astype(np.float64)
     uv = np.stack([np.stack([x0, y0], 1), np.stack([x0 + xu, y0 + yu], 1), np.stack([x0 + xv, y0 + yv], 1)], axis=1)
     turned = (start > stop).reshape(-1)
 

@@ -4,14 +4,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
+from .islands import islands, welded
 from .scene import Scene
 
 OFFSET_SHARE = 2e-6
 """Ray origins are lifted by this share of the scene's radius; below 1e-6 Embree meets the surface itself."""
+
+FLAT = 1e-4
+"""Corner normals this near the geometric one are it: light can't tell, and one cosine less has to be found."""
+
+BLOCK = 1 << 14
+"""Points are interpolated in blocks of so many, whose temporaries (64 KB each) stay in cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +61,39 @@ class Surfaces:
         """How far ray origins are lifted off a surface, m."""
         return OFFSET_SHARE * self.radius
 
+    @cached_property
+    def _corner_rows(self) -> Float32:
+        return _rows(self.corners)
+
+    @cached_property
+    def _corner_normal_rows(self) -> Float32:
+        return _rows(self.corner_normals)
+
+    @cached_property
+    def _normal_rows(self) -> Float32:
+        return np.ascontiguousarray(self.normal.T)
+
+    @cached_property
+    def flat(self) -> Bools:
+        """(F,) bool, triangles whose shading normals are their geometric one."""
+        gap = np.abs(self.corner_normals - self.normal[:, None])
+        return np.asarray((gap < FLAT).all(axis=(1, 2)))
+
+    def points(self, triangle: Int32, weights: Float32) -> Float32:
+        """Positions (R, 3), m, at barycentric weights (R, 2) of triangles (R,). In memory x, y and z lie apart."""
+        return _interpolated(self._corner_rows, triangle, weights)
+
+    def blended_normals(self, triangle: Int32, weights: Float32) -> Float32:
+        """Interpolated corner normals (R, 3), not of unit length, laid out as `points`."""
+        return _interpolated(self._corner_normal_rows, triangle, weights)
+
+    def normals(self, triangle: Int32) -> Float32:
+        """Geometric normals (R, 3) of triangles (R,), laid out as `points`."""
+        result = np.empty((3, len(triangle)), np.float32)
+        for axis in range(3):
+            np.take(self._normal_rows[axis], triangle, out=result[axis], mode="clip")
+        return result.T
+
 
 def flatten(scene: Scene) -> Surfaces:
     """The scene's triangles, recentred so that float32 serves far from the world's origin."""
@@ -86,34 +127,50 @@ def _joined(parts: list, empty: tuple[int, ...], dtype: type) -> np.ndarray:  # 
     return np.concatenate(parts).astype(dtype) if parts else np.zeros(empty, dtype)
 
 
+def _rows(corners: Float32) -> Float32:
+    """(9, F): x, y, z of corner 0, then of the edges from it to corners 1 and 2. One value a row is gathered fast."""
+    parts = [corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]]
+    return np.ascontiguousarray(np.concatenate(parts, axis=1).T)
+
+
+def _interpolated(rows: Float32, triangle: Int32, weights: Float32) -> Float32:
+    """Values (R, 3) at barycentric weights (R, 2) of the `rows` (9, F) of corner values."""
+    result = np.empty((3, len(triangle)), np.float32)
+    for start in range(0, len(triangle), BLOCK):
+        part = slice(start, start + BLOCK)
+        where = triangle[part].astype(np.intp)
+        u, v = np.ascontiguousarray(weights[part].T)
+        for axis in range(3):
+            value = np.take(rows[3 + axis], where, mode="clip")
+            value *= u
+            other = np.take(rows[6 + axis], where, mode="clip")
+            other *= v
+            value += other
+            np.take(rows[axis], where, out=other, mode="clip")
+            np.add(value, other, out=result[axis, part])
+    return result.T
+
+
 def _components(scene: Scene) -> tuple[Int32, Bools]:
     """Connected part of each triangle, and whether that part is closed. Vertices at one place count as one."""
-    parts: list[Int32] = []
-    closed: list[Bools] = []
+    numbered: list[Int64] = [np.zeros((0, 3), np.int64)]
     base = 0
     for mesh in scene.meshes:
-        if not len(mesh.triangles):
-            continue
-        _, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
-        triangles = welded.reshape(-1)[mesh.triangles].astype(np.int64)
-        label = np.arange(int(triangles.max()) + 1)
-        while True:  # smallest vertex index of the part, by pointer jumping; rounds grow with its logarithm
-            low = label[triangles].min(axis=1)
-            new = label.copy()
-            np.minimum.at(new, triangles.reshape(-1), np.repeat(low, 3))
-            new = np.minimum(new, new[new])
-            if np.array_equal(new, label):
-                break
-            label = new
-        _, part = np.unique(label[triangles[:, 0]], return_inverse=True)
-        part = part.reshape(-1)
-        edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        _, edge, shared = np.unique(edges @ [len(label), 1], return_inverse=True, return_counts=True)
-        open_edge = (shared != 2)[edge.reshape(-1)].reshape(-1, 3).any(axis=1)
-        open_part = np.bincount(part, weights=open_edge) > 0
-        parts.append((part + base).astype(np.int32))
-        closed.append(~open_part[part])
-        base += int(part.max()) + 1
-    if not parts:
-        return np.zeros(0, np.int32), np.zeros(0, bool)
-    return np.concatenate(parts), np.concatenate(closed)
+        if len(mesh.triangles):
+            numbered.append(welded(mesh.vertices)[mesh.triangles] + base)
+            base += len(mesh.vertices)
+    triangles = np.concatenate(numbered)
+    part = islands(triangles)
+    keys = np.concatenate([_edge_keys(triangles[:, k], triangles[:, (k + 1) % 3], base) for k in range(3)])
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    bounds = np.flatnonzero(np.concatenate([[len(keys) > 0], keys[1:] != keys[:-1], [True]]))
+    shared = np.empty(len(keys), np.int64)
+    shared[order] = np.repeat(np.diff(bounds), np.diff(bounds))
+    single = (shared != 2).reshape(3, -1).any(axis=0)
+    open_part = np.bincount(part, weights=single, minlength=1) > 0
+    return part.astype(np.int32), ~open_part[part]
+
+
+def _edge_keys(start: Int64, stop: Int64, count: int) -> Int64:
+    return np.asarray(np.minimum(start, stop) * count + np.maximum(start, stop))
