@@ -26,8 +26,12 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     """(F,) bool: triangles that bound a solid: a closed surface that no lamp stands inside.
 
     No light reaches the inside of such a surface. A closed surface around a lamp is a room instead, whichever way
-    its normals point.
+    its normals point, and whatever open surfaces stand between.
     """
+    closed = np.flatnonzero(surfaces.closed)
+    if not len(closed):
+        return surfaces.closed
+    shells = Visibility(surfaces.corners[closed])
     origins = [np.asarray(light.position) for light in scene.lights if not isinstance(light, SunLight)]
     points = np.asarray(origins, np.float32).reshape(-1, 3)
     count = len(points)
@@ -41,8 +45,9 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     starts = np.concatenate([points[ids], np.repeat(lifted, 4, axis=0)])
     normals = np.concatenate([axes, np.repeat(surfaces.normal[glowing], 4, axis=0)])
     rays = np.arange(len(starts))
-    hits = visibility.first_hit(starts, cosine_directions(normals, hash_uniform(rays, 0), hash_uniform(rays, 1)))
-    behind = hits.triangle[(hits.triangle >= 0) & ~hits.front]
+    hits = shells.first_hit(starts, cosine_directions(normals, hash_uniform(rays, 0), hash_uniform(rays, 1)))
+    visibility.rays += shells.rays
+    behind = closed[hits.triangle[(hits.triangle >= 0) & ~hits.front]]
     source = np.concatenate([ids, count + np.repeat(np.arange(len(glowing)), 4)])[(hits.triangle >= 0) & ~hits.front]
     around = surfaces.component[behind]
     # a lamp is inside when most of its rays meet the same surface from behind; one stray ray proves nothing
