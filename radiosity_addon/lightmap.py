@@ -28,9 +28,20 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
     pages[pixel] = irradiance[taking][valid].sum(1) / np.float32(np.pi)
     known = np.zeros(len(pages), bool)
     known[pixel] = True
+    buried = _buried(texels, taking)
+    known[texels.pixel[taking][buried]] = True
     close_seams(pages, known, texels)
     shape = (page_count, size, size)
     return [_filled(*page) for page in zip(pages.reshape(*shape, 3), known.reshape(shape), strict=True)]
+
+
+def _buried(texels: Texels, taking: slice) -> Bools:
+    """(t,) bool: invalid texels of surfaces without any valid one: things inside a solid, where it is dark."""
+    component = texels.surfaces.component[texels.triangle[taking, 0]]
+    valid = texels.valid[taking]
+    seen = np.zeros(int(component.max(initial=0)) + 1, bool)
+    seen[component[valid]] = True
+    return ~valid & ~seen[component]
 
 
 def _filled(image: Float32, known: Bools) -> Float32:
