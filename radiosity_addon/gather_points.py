@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
+from .chunks import scaled
 from .patches import mixed_radix
 from .texels import Texels
 
@@ -95,7 +96,7 @@ def place_points(
         fresh = members[begin[new] + size[new] // 2]
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
-        seen = yield from look(fresh)
+        seen = yield from scaled(look(fresh), level / LEVELS, (level + 1) / LEVELS)
         harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
         widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
         places.append(fresh)
