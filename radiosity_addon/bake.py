@@ -168,12 +168,12 @@ class _Log:
 
     def stage(self, name: str, steps: Generator[float, None, T]) -> Generator[Progress, None, T]:
         """Run a stage; its time is all that passed since the last one ended."""
-        share = STAGES[name]
+        share, done = STAGES[name], 0.0
         try:
             yield Progress(name, self._before, self.residual, self.rays)
             while True:
                 try:
-                    done = next(steps)
+                    done = max(done, next(steps))
                 except StopIteration as stop:
                     result: T = stop.value
                     break
