@@ -92,7 +92,7 @@ def final_gather(
     base = max(float(np.sqrt(extent / aimed)), 1e-9)
     table = light.radiance(patches)
     rays = GatherRays(texels, patches, visibility, settings, table.sum(1))
-    points = yield from scaled(place_points(texels, lit, base, texel_width, rays.look), 0.0, 0.3)
+    points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
     irradiance = yield from scaled(tally.sum(table, workers), 0.6, 0.65)
     for _ in range(1, steps.gather_passes):

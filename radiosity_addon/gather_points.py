@@ -8,18 +8,21 @@ Cells are world-space ones: charts of one surface share them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
-from .chunks import scaled
+from .chunks import Fractions, scaled
 from .patches import mixed_radix
 from .texels import Texels
 
 LEVELS = 6
 """Widths halve from level to level."""
+
+FINE_LEVEL = 2
+"""From this level on points are close together, share their rays through the fit, and get fewer each."""
 
 SPLIT_SHARE = 0.35
 """A cell is split while it is wider than this share of the harmonic mean distance from its point."""
@@ -34,7 +37,10 @@ FACINGS = 2.0
 """Normals times this, rounded, are their facing: both flanks of a fold differ in at least one number."""
 
 DARK = 1e-3
-"""A cell is not split where its point receives less than this share of the mean over all points."""
+"""A cell whose point receives less than this share of the mean over all points may be hidden."""
+
+HIDDEN = 0.5
+"""It is, and is not split, if nowhere in it is the way up clear for this share of its width: a floor under boards."""
 
 LAYER = 0.2
 """Texels of a cell that lie this share of its width off its mean plane are a cell of their own: folds, thin sheets."""
@@ -64,8 +70,14 @@ class GatherPoints:
         return len(self.texel)
 
 
-Look = Callable[[Int64], Generator[float, None, tuple[Float32, Float32, Float32]]]
-"""Traces pilot rays from texels (Q,); returns harmonic mean and least distance, m, and light received; all (Q,)."""
+class Eyes(Protocol):
+    """What looks around from texels (Q,)."""
+
+    def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
+        """Harmonic mean and least distance, m, of what is seen, and light received; all (Q,)."""
+
+    def clearance(self, chosen: Int64) -> Fractions[Float32]:
+        """Distance (Q,), m, to the next surface along the normal."""
 
 
 def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
@@ -75,9 +87,7 @@ def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
     return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], *facing.T, *cell.T)
 
 
-def place_points(
-    texels: Texels, lit: Bools, base: float, texel_width: float, look: Look
-) -> Generator[float, None, GatherPoints]:
+def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes) -> Fractions[GatherPoints]:
     """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide."""
     cell = np.full(texels.count, -1, np.int32)
     at_texel = np.full(texels.count, -1, np.int32)
@@ -96,7 +106,8 @@ def place_points(
         fresh = members[begin[new] + size[new] // 2]
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
-        seen = yield from scaled(look(fresh), level / LEVELS, (level + 1) / LEVELS)
+        look = eyes.look(fresh, level >= FINE_LEVEL)
+        seen = yield from scaled(look, level / LEVELS, (level + 1) / LEVELS)
         harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
         widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
         places.append(fresh)
@@ -105,8 +116,13 @@ def place_points(
         if last:
             break
         narrow = width > SPLIT_SHARE * harmonic[point]
-        bright = light[point] > DARK * light.mean()
-        split = (narrow | cells.bent) & bright & (size > 1)
+        split = (narrow | cells.bent) & (size > 1)
+        dark = split & (light[point] <= DARK * light.mean())
+        if dark.any():
+            asked = np.flatnonzero(np.repeat(dark, size))
+            clear = np.zeros(len(members), np.float32)
+            clear[asked] = yield from scaled(eyes.clearance(members[asked]), (level + 1) / LEVELS, (level + 1) / LEVELS)
+            split &= ~dark | (np.maximum.reduceat(clear, begin) > HIDDEN * width)
         open_texels = np.sort(members[np.repeat(split, size)])
     texel = np.concatenate(places) if places else np.zeros(0, np.int64)
     return GatherPoints(texel, widths.astype(np.float32), nearest.astype(np.float32), cell)

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Float32, Int32, Int64
+from .arrays import Bools, Float32, Int32, Int64
 from .chunks import Fractions, in_chunks
 from .gather_points import GatherPoints, cell_keys
 from .guiding import direction_bins, directions_in, draw_bins, pool
@@ -61,7 +60,9 @@ class Tally:
             weight = self.weights[start:stop] * (element != NOTHING)
             radiance = table[element]
             pilot = radiance[:, : self.pilots]
-            dim = np.minimum(pilot, pilot.mean(1, keepdims=True)).mean(1)
+            sent = (weight[:, : self.pilots] > 0).sum(1)[:, None]
+            mean = pilot.sum(1) / np.maximum(sent, 1)
+            dim = np.minimum(pilot, mean[:, None]).sum(1) / np.maximum(sent, 1)
             light = np.einsum("pr,prc->pc", weight, radiance)
             return np.asarray(light + dim * (np.float32(np.pi) - weight.sum(1))[:, None], np.float32)
 
@@ -83,31 +84,48 @@ class GatherRays:
         self._bright = bright
         self._elements: list[Int32] = []
         self._bins: list[NDArray[np.uint16]] = []
+        self._fine: list[Bools] = []
 
-    def look(self, chosen: Int64) -> Generator[float, None, tuple[Float32, Float32, Float32]]:
-        """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,)."""
-        sample = np.arange(self._pilots)
-        elements = np.empty((len(chosen), self._pilots), np.int32)
-        bins = np.empty((len(chosen), self._pilots), np.uint16)
+    def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
+        """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
+
+        Where points are `fine`, close together, each sends half as many rays; the other half counts nothing.
+        """
+        pilots = self._pilots // 2 if fine else self._pilots
+        elements = np.full((len(chosen), self._pilots), BELOW, np.int32)
+        bins = np.zeros((len(chosen), self._pilots), np.uint16)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            rows = np.repeat(np.arange(stop - start), self._pilots)
-            texel, column = chosen[part], np.tile(sample, stop - start)
+            rows = np.repeat(np.arange(stop - start), pilots)
+            texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
             u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
             directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
             element, distance = self._trace(texel, rows, column, directions)
-            inverse = 1 / np.maximum(distance, np.float32(1e-9)).reshape(-1, self._pilots)
-            elements[part] = element.reshape(-1, self._pilots)
-            bins[part] = direction_bins(directions).reshape(-1, self._pilots)
+            inverse = 1 / np.maximum(distance, np.float32(1e-9)).reshape(-1, pilots)
+            elements[part, :pilots] = element.reshape(-1, pilots)
+            bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
             harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
-            light[part] = self._bright[elements[part]].mean(1)
+            light[part] = self._bright[elements[part, :pilots]].mean(1)
 
-        yield from in_chunks(work, len(chosen), max(1, RAYS // self._pilots), self._workers)
+        yield from in_chunks(work, len(chosen), max(1, RAYS // pilots), self._workers)
         self._elements.append(elements)
         self._bins.append(bins)
+        self._fine.append(np.full(len(chosen), fine))
         return harmonic, nearest, light
+
+    def clearance(self, chosen: Int64) -> Fractions[Float32]:
+        """Distance (Q,), m, from texels to the next surface along the normal."""
+        distance = np.empty(len(chosen), np.float32)
+
+        def work(start: int, stop: int) -> None:
+            texel = chosen[start:stop]
+            origins = self._texels.origins(texel, np.zeros(len(texel), np.int64))
+            distance[start:stop] = self._visibility.first_hit(origins, self._texels.normal[texel]).distance
+
+        yield from in_chunks(work, len(chosen), RAYS, self._workers)
+        return distance
 
     def _trace(self, texel: Int64, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Float32]:
         """Element and distance (R,) of rays from texels (Q,), ray r from texel[rows[r]], spread over its strata."""
@@ -128,7 +146,8 @@ class GatherRays:
         elements = np.empty((points.count, self._pilots + self._guided), np.int32)
         elements[:, : self._pilots] = np.concatenate(self._elements or [elements[:0, : self._pilots]])
         bins = np.concatenate(self._bins or [np.zeros((0, self._pilots), np.uint16)])
-        self._elements, self._bins = [], []
+        fine = np.concatenate(self._fine or [np.zeros(0, bool)])
+        self._elements, self._bins, self._fine = [], [], []
         weights = np.empty(elements.shape, np.float32)
         keys = cell_keys(self._texels, points.texel, base * POOL_WIDTH)
         order = np.argsort(keys, kind="stable")
@@ -147,24 +166,26 @@ class GatherRays:
             # to fill would count too little (4 % of the light was missing so).
             fold = 2 * (pools - pools[0]) + rank % 2
             elements[mine, self._pilots :], weights[mine] = self._guide(
-                points.texel[mine], elements[mine, : self._pilots], bins[mine], fold, 2 * int(pools[0])
+                points.texel[mine], elements[mine, : self._pilots], bins[mine], fold, 2 * int(pools[0]), fine[mine]
             )
 
         yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
         return Tally(elements, weights, self._pilots)
 
     def _guide(
-        self, texel: Int64, elements: Int32, bins: NDArray[np.uint16], fold: Int64, first: int
+        self, texel: Int64, elements: Int32, bins: NDArray[np.uint16], fold: Int64, first: int, fine: Bools
     ) -> tuple[Int32, Float32]:
         """Guided elements (Q, guided) and weights (Q, all) of points whose pilots met `elements` in `bins`."""
         count = int(fold.max(initial=0)) + 2
-        light = self._bright[elements].reshape(-1)
+        share = np.where(fine, np.float32(0.5), np.float32(1))  # of the rays of a row that are sent
+        light = self._bright[elements].reshape(-1)  # rays not sent met nothing bright
         density = pool(np.repeat(fold ^ 1, self._pilots), count, bins.reshape(-1).astype(np.int64), light)
         drawn = draw_bins(density, self._guided, first)
         rows = np.repeat(np.arange(len(texel)), self._pilots)
         u = even_uniform(texel[rows], np.tile(np.arange(self._pilots), len(texel)), 0)
         cosine = np.sqrt(1 - u).reshape(-1, self._pilots)
-        pilot_weights = self._balance(cosine, density[fold[:, None], bins])
+        pilot_weights = self._balance(cosine, density[fold[:, None], bins], share[:, None])
+        pilot_weights[fine, self._pilots // 2 :] = 0
 
         rows = np.repeat(np.arange(len(texel)), self._guided)
         sample = np.tile(np.arange(self._guided), len(texel))
@@ -172,18 +193,20 @@ class GatherRays:
         u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
         directions = directions_in(into, u, v)
         cosine = np.einsum("ij,ij->i", directions, self._texels.shading_normal[texel][rows])
-        sent = np.flatnonzero((cosine > 0) & density.any(1)[fold][rows])
+        left_out = fine[rows] & (sample % 2 > 0)
+        sent = np.flatnonzero((cosine > 0) & density.any(1)[fold][rows] & ~left_out)
         element = np.full(len(rows), BELOW, np.int32)
         element[sent] = self._trace(texel, rows[sent], sample[sent], directions[sent])[0]
         weight = np.zeros(len(rows), np.float32)
-        weight[sent] = self._balance(cosine[sent], density[fold[rows[sent]], into[sent]])
+        weight[sent] = self._balance(cosine[sent], density[fold[rows[sent]], into[sent]], share[rows[sent]])
         shape = (len(texel), self._guided)
         return element.reshape(shape), np.concatenate([pilot_weights, weight.reshape(shape)], axis=1)
 
-    def _balance(self, cosine: Float32, density: Float32) -> Float32:
-        """Cosine over the summed densities of both kinds of rays: the balance heuristic's weight."""
+    def _balance(self, cosine: Float32, density: Float32, share: Float32) -> Float32:
+        """Cosine over the summed densities of both kinds of rays sent: the balance heuristic's weight."""
         total = np.float32(self._pilots / np.pi) * cosine
         total += np.float32(self._guided) * density
+        total *= share
         total += np.float32(1e-9)
         weight: Float32 = np.divide(cosine, total, out=total)
         return weight
