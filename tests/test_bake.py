@@ -1,0 +1,513 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whole bakes held to physics: answers known on paper, symmetries, and what must not leak, break or differ."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from radiosity_addon.arrays import Float32, Float64, Int32
+from radiosity_addon.bake import STAGES, Baked, Progress, bake
+from radiosity_addon.chunks import finish
+from radiosity_addon.errors import SceneError
+from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight, World
+from radiosity_addon.settings import BakeSettings
+from radiosity_addon.surfaces import flatten
+from radiosity_addon.texels import rasterize
+from tests.shapes import box, furnished_room, mesh_of, quad, sphere
+
+WHITE = Material("White", (0.75,) * 3)
+BLACK = Material("Black", (0.0,) * 3)
+WATTS_100 = (100 / (4 * np.pi),) * 3
+"""W/sr of a point lamp of 100 W."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """A bake, texel by texel.
+
+    Attributes:
+        mesh: (T,) index into the scene's meshes
+        position, normal: (T, 3)
+        area: (T,) m2
+        light: (T, 3) W/(m2 sr), H / pi
+    """
+
+    baked: Baked
+    mesh: Int32
+    position: Float64
+    normal: Float32
+    area: Float32
+    light: Float32
+
+    def of(self, mesh: int) -> Float32:
+        return self.light[self.mesh == mesh]
+
+
+def bake_of(scene: Scene, **settings: object) -> Baked:
+    """A small bake in draft quality unless `settings` say otherwise; light is finite and never negative."""
+    baked = finish(bake(scene, BakeSettings(**{"page_size": 64, "quality": "draft", **settings})))
+    assert all(np.isfinite(page).all() and page.min() >= 0 for page in baked.pages)
+    return baked
+
+
+def lit(scene: Scene, **settings: object) -> Lit:
+    baked = bake_of(scene, **settings)
+    surfaces = flatten(scene)
+    texels = finish(rasterize(baked.atlas, surfaces, 1))
+    shown = texels.pixel < baked.atlas.page_count * baked.atlas.size**2
+    return Lit(
+        baked,
+        surfaces.mesh[texels.triangle[shown, 0]],
+        texels.position[shown] + surfaces.origin,
+        texels.normal[shown],
+        texels.area[shown],
+        np.concatenate([page.reshape(-1, 3) for page in baked.pages])[texels.pixel[shown]],
+    )
+
+
+def floor(size: float = 4.0, name: str = "Floor", material: int = 0, **options: object) -> Mesh:
+    """A square in z = 0 that faces up."""
+    return mesh_of(name, [quad((-size / 2, -size / 2, 0), (size, 0, 0), (0, size, 0))], [material], **options)
+
+
+def in_the_middle(page: Float32) -> Float64:
+    """Mean over the four texels around the middle of a page that a square floor fills."""
+    half = len(page) // 2
+    return page[half - 1 : half + 1, half - 1 : half + 1].mean((0, 1), dtype=np.float64)
+
+
+def planes(mesh: Mesh, turned: bool = False) -> tuple[Mesh, ...]:
+    """Each quad as an object of its own, facing the other way if `turned`."""
+    quads = mesh.vertices.reshape(-1, 4, 3)
+    return tuple(
+        mesh_of(f"{mesh.name} {k}", [corners[::-1] if turned else corners], [int(mesh.material[2 * k])])
+        for k, corners in enumerate(quads)
+    )
+
+
+# answers known on paper
+
+
+@pytest.mark.parametrize("quality", ["draft", "medium"])
+@pytest.mark.parametrize("reflectance, expected", [(0.5, 2.0), (0.9, 10.0)])
+def test_furnace(reflectance: float, expected: float, quality: str) -> None:
+    """Closed, E = 1 and rho uniform: H = B = E / (1 - rho) at every texel."""
+    glow = Material("Glow", (reflectance,) * 3, (1 / np.pi,) * 3)
+    room = Scene((box("Room", (0, 0, 0), (3, 2, 1), inward=True),), (glow,))
+    page = bake_of(room, quality=quality, tolerance=1e-7).pages[0]
+    assert np.abs(page * np.pi / expected - 1).max() < 1e-5
+
+
+def test_integrating_sphere_of_100_w() -> None:
+    """R = 1 m, rho = 0.5: radiance rho H / pi = 100 / (4 pi^2) rho / (1 - rho) = 2.5330 everywhere."""
+    ball = sphere("Sphere", segments=64, rings=64, inward=True)
+    scene = Scene((ball,), (Material("Half", (0.5,) * 3),), (PointLight("Lamp", WATTS_100, (0, 0, 0)),))
+    page = bake_of(scene, page_size=128).pages[0]
+    assert np.abs(0.5 * page / 2.5330 - 1).max() < 0.01
+
+
+def test_bounced_light_in_a_sphere_is_even_wherever_its_lamp_hangs() -> None:
+    """All that bounces is H = P rho / (4 pi (1 - rho)), though one side is lit 80 times as strongly as the other."""
+    ball = sphere("Sphere", segments=64, rings=64, inward=True)
+    at = np.array([0.8, 0, 0])
+    lamp = PointLight("Lamp", WATTS_100, tuple(at))
+    found = lit(Scene((ball,), (Material("Half", (0.5,) * 3),), (lamp,)), quality="medium", page_size=128)
+    gap = at - found.position
+    distance = np.linalg.norm(gap, axis=1)
+    radial = -found.position / np.linalg.norm(found.position, axis=1)[:, None]
+    direct = WATTS_100[0] * (gap * radial).sum(1) / distance**3
+    bounced = np.pi * found.light[:, 0] - direct
+    far = found.position[:, 0] < 0.3  # facets stray from the sphere by more than bounced light nearer to the lamp
+    expected = 100 / (4 * np.pi)
+    assert bounced[far].mean() == pytest.approx(expected, rel=0.01)
+    assert np.abs(bounced[far] / expected - 1).max() < 0.06
+
+
+HANGING: dict[str, tuple[Light, float]] = {
+    "point": (PointLight("Lamp", WATTS_100, (0, 0, 2)), 0.633257),
+    "spot": (
+        SpotLight("Lamp", WATTS_100, (0, 0, 2), ((1, 0, 0), (0, 1, 0), (0, 0, -1)), 0.8, 0.2),
+        0.633257,
+    ),
+    "soft point": (PointLight("Lamp", WATTS_100, (0, 0, 2), radius=0.5), 0.633257 / (1 + 0.5**2 / 2**2)),
+    "sun": (SunLight("Lamp", (3.0,) * 3, (0, 0, -1)), 0.954930),
+    "wide sun": (SunLight("Lamp", (3.0,) * 3, (0, 0, -1), 0.5), 0.954930),
+    "square": (AreaLight("Lamp", (100 / np.pi,) * 3, (0, 0, 2), (1, 0, 0), (0, 1, 0), (0, 0, -1)), 2.33887),
+}
+
+
+@pytest.mark.parametrize("kind", HANGING)
+def test_a_lamp_over_a_floor_gives_what_cycles_measured(kind: str) -> None:
+    """H / pi below a lamp of 100 W, or a sun of 3 W/m2, 2 m above an open floor."""
+    lamp, expected = HANGING[kind]
+    page = bake_of(Scene((floor(),), (WHITE,), (lamp,))).pages[0]
+    assert in_the_middle(page) == pytest.approx(expected, rel=0.005)
+
+
+def test_an_emissive_square_lights_the_floor_like_a_lamp_of_its_radiance() -> None:
+    glow = Material("Glow", (0.0,) * 3, (100 / np.pi,) * 3)
+    panel = mesh_of("Panel", [quad((-0.5, -0.5, 2), (0, 1, 0), (1, 0, 0))], [1])
+    found = lit(Scene((floor(), panel), (WHITE, glow)))
+    near = (found.mesh == 0) & (np.abs(found.position[:, :2]).max(1) < 0.1)
+    assert found.light[near].mean(0, dtype=np.float64) == pytest.approx(2.33887, rel=0.005)
+    assert found.of(1).max() < 0.75 * found.of(0).max(), "emission itself is not on the page"
+
+
+def test_a_point_lamp_follows_the_inverse_square_of_distance_on_the_whole_floor() -> None:
+    found = lit(Scene((floor(),), (WHITE,), (PointLight("Lamp", WATTS_100, (0.3, -0.2, 2)),)))
+    squared = ((found.position - [0.3, -0.2, 2]) ** 2).sum(1)
+    expected = WATTS_100[0] * 2 / squared**1.5 / np.pi
+    assert np.abs(found.light[:, 0] / expected - 1).max() < 0.005
+
+
+def test_an_open_floor_under_an_even_world_has_the_worlds_radiance() -> None:
+    sky = (0.7, 0.5, 0.3)
+    page = bake_of(Scene((floor(),), (WHITE,), world=World(sky))).pages[0]
+    assert np.abs(page / np.float32(sky) - 1).max() < 0.002
+
+
+def test_a_black_wall_takes_away_half_of_the_sky() -> None:
+    """At distance x from an endless wall of height h a share (1 + x / sqrt(x^2 + h^2)) / 2 of the sky is left."""
+    height = 40.0
+    wall = mesh_of("Wall", [quad((0, -100, 0), (0, 200, 0), (0, 0, height))], [1], lightmapped=False)
+    ground = mesh_of("Floor", [quad((0, -0.5, 0), (1, 0, 0), (0, 1, 0))], [0])
+    found = lit(Scene((ground, wall), (WHITE, BLACK), world=World((1, 1, 1))), quality="high", page_size=32)
+    x = found.position[:, 0]
+    expected = (1 + x / np.sqrt(x**2 + height**2)) / 2
+    assert found.light.mean() == pytest.approx(expected.mean(), rel=0.005)
+    assert np.abs(found.light[:, 0] / expected - 1).max() < 0.1
+
+
+def test_a_closed_room_absorbs_what_its_lamp_sends_out() -> None:
+    """The irradiance on all surfaces times 1 - rho sums to the lamp's power pi A L: the gather loses no light."""
+    scene = furnished_room()
+    found = lit(scene, quality="medium", page_size=128)
+    surfaces = flatten(scene)
+    texels = finish(rasterize(found.baked.atlas, surfaces, 1))
+    reflectance = np.array([entry.reflectance for entry in scene.materials])
+    absorbed = 1 - reflectance[surfaces.material[texels.triangle[:, 0]]]
+    hidden = (found.normal[:, 2] < -0.5) & (found.mesh > 0)  # undersides of blocks, on the floor
+    under = (found.mesh == 0) & (found.position[:, 2] < 1e-6)
+    for low, high in (((0.8, 1), (2.4, 2.6)), ((3, 2.8), (4.6, 4.4))):
+        hidden |= under & ((found.position[:, :2] > low) & (found.position[:, :2] < high)).all(1)
+    power = np.pi * found.light * absorbed * found.area[:, None]
+    lamp = scene.lights[0]
+    expected = np.pi * np.array(lamp.radiance) * 1.3 * 1.05
+    assert power[~hidden].sum(0, dtype=np.float64) == pytest.approx(expected, rel=0.01)
+
+
+# symmetries
+
+
+def with_power(scene: Scene, factor: float) -> Scene:
+    lamp = scene.lights[0]
+    return replace(scene, lights=(replace(lamp, radiance=tuple(factor * x for x in lamp.radiance)),))
+
+
+@pytest.mark.parametrize("factor", [2.0, 1000.0, 3.7e-4])
+def test_power_times_k_is_light_times_k(factor: float) -> None:
+    once = bake_of(furnished_room()).pages[0]
+    often = bake_of(with_power(furnished_room(), factor)).pages[0]
+    assert np.abs(often / factor - once).max() < 1e-5 * once.max()
+    assert often / factor == pytest.approx(once, rel=1e-4)
+
+
+def two_lamps(groups: int, materials: tuple[Material, ...] | None = None) -> Scene:
+    """The furnished room with a second lamp, in a light group of its own if there are two."""
+    room = furnished_room()
+    lamp = PointLight("Other", (10, 5, 20), (1, 1, 4), group=groups - 1)
+    names = tuple("ab"[:groups])
+    return replace(room, lights=(*room.lights, lamp), groups=names, materials=materials or room.materials)
+
+
+def test_direct_light_does_not_depend_on_how_lamps_are_grouped() -> None:
+    dark = tuple(replace(entry, reflectance=(0, 0, 0)) for entry in furnished_room().materials)
+    one, two = (bake_of(two_lamps(groups, dark)).pages[0] for groups in (1, 2))
+    assert one == pytest.approx(two, rel=1e-5, abs=1e-5 * float(one.max()))
+
+
+def test_light_groups_add_up_to_all_lamps_at_once() -> None:
+    """Groups ride on the same rays; what the gather takes for missing and clips in its fits is each group's own."""
+    one, two = (bake_of(two_lamps(groups), quality="medium").pages[0] for groups in (1, 2))
+    assert np.abs(one - two).max() < 1e-3 * one.max()
+    assert one.mean((0, 1), dtype=np.float64) == pytest.approx(two.mean((0, 1), dtype=np.float64), rel=1e-4)
+
+
+def test_lamps_baked_apart_add_up_within_the_gathers_noise() -> None:
+    both = two_lamps(1)
+    together = bake_of(both, quality="medium").pages[0]
+    apart = sum(bake_of(replace(both, lights=(lamp,)), quality="medium").pages[0] for lamp in both.lights)
+    lit_up = together.min(2) > 0.02 * together.max()
+    error = (apart - together)[lit_up] / together[lit_up]
+    assert abs(error.mean()) < 0.005
+    assert np.sqrt((error**2).mean()) < 0.02
+
+
+def test_a_mirrored_scene_is_lit_alike() -> None:
+    scene = furnished_room()
+
+    def mirrored(mesh: Mesh) -> Mesh:
+        order = [0, 2, 1]  # the winding turns with the mirror
+        return replace(
+            mesh,
+            vertices=mesh.vertices * [-1, 1, 1],
+            triangles=np.ascontiguousarray(mesh.triangles[:, order]),
+            corner_normals=mesh.corner_normals[:, order] * np.float32([-1, 1, 1]),
+            corner=np.ascontiguousarray(mesh.corner[:, order]),
+        )
+
+    lamp = scene.lights[0]
+    x, y, z = lamp.position
+    other = replace(
+        scene, meshes=tuple(mirrored(mesh) for mesh in scene.meshes), lights=(replace(lamp, position=(-x, y, z)),)
+    )
+    here, there = lit(scene, page_size=128), lit(other, page_size=128)
+    for index in range(3):
+        means = [
+            np.average(found.of(index), axis=0, weights=found.area[found.mesh == index]) for found in (here, there)
+        ]
+        assert means[0] == pytest.approx(means[1], rel=0.03)
+
+
+def test_a_million_metres_from_the_origin_is_lit_alike() -> None:
+    here = bake_of(furnished_room()).pages[0]
+    there = bake_of(furnished_room().moved(np.array([1e6, -1e6, 1e6]))).pages[0]
+    assert (np.abs(there - here) < 1e-3 * here.max()).mean() > 0.999
+
+
+@pytest.mark.parametrize("factor", [2.0**-9, 2.0**10], ids=["1 cm", "6 km"])
+def test_a_room_of_any_size_is_lit_alike(factor: float) -> None:
+    """Radiance does not change with the size of things. Powers of two round alike."""
+    room = furnished_room()
+    lamp = room.lights[0]
+
+    def grown(vector: tuple[float, float, float]) -> tuple[float, ...]:
+        return tuple(factor * x for x in vector)
+
+    larger = replace(
+        room,
+        meshes=tuple(replace(mesh, vertices=factor * mesh.vertices) for mesh in room.meshes),
+        lights=(replace(lamp, position=grown(lamp.position), edge_u=grown(lamp.edge_u), edge_v=grown(lamp.edge_v)),),
+    )
+    here, there = bake_of(room).pages[0], bake_of(larger).pages[0]
+    assert (np.abs(there - here) < 1e-3 * here.max()).mean() > 0.999
+
+
+# where light must not be
+
+
+def two_rooms(thickness: float) -> Scene:
+    """Two cubes of 2 m side by side on one floor, under one ceiling, a lamp in the first, a wall between them."""
+    ground = mesh_of("Floor", [quad((0, 0, 0), (4, 0, 0), (0, 2, 0))], [0])
+    ceiling = mesh_of("Ceiling", [quad((0, 0, 2), (0, 2, 0), (4, 0, 0))], [0])
+    sides = mesh_of(
+        "Sides",
+        [
+            quad((0, 0, 0), (0, 0, 2), (4, 0, 0)),
+            quad((0, 2, 0), (4, 0, 0), (0, 0, 2)),
+            quad((0, 0, 0), (0, 2, 0), (0, 0, 2)),
+            quad((4, 0, 0), (0, 0, 2), (0, 2, 0)),
+        ],
+        [0] * 4,
+    )
+    wall = box("Wall", (2 - thickness / 2, -0.1, -0.1), (2 + thickness / 2, 2.1, 2.1))
+    return Scene((ground, ceiling, sides, wall), (WHITE,), (PointLight("Lamp", (10, 10, 10), (1, 1, 1)),))
+
+
+def test_light_does_not_leak_under_a_wall() -> None:
+    thickness = 0.2
+    found = lit(two_rooms(thickness), quality="medium", page_size=128)
+    beyond = (found.position[:, 0] > 2 + thickness / 2 + 1e-3) & (found.mesh < 3)
+    before = found.position[:, 0] < 2 - thickness
+    assert found.light[beyond].max() < 1e-3 * found.light[before].mean()
+
+
+@pytest.mark.parametrize("inner", [planes, lambda mesh: (mesh,)], ids=["planes", "closed box"])
+def test_a_room_within_a_closed_hull_is_lit(inner: Callable[[Mesh], tuple[Mesh, ...]]) -> None:
+    """Its surfaces lie inside a closed surface that faces out, and yet not inside a solid: there is a lamp."""
+    room = inner(box("Room", (-1, -1, -1), (1, 1, 1), inward=True))
+    lamp = PointLight("Lamp", (1, 1, 1), (0.2, 0.1, 0))
+    hull = box("Hull", (-1.2, -1.2, -1.2), (1.2, 1.2, 1.2))
+    alone, within = (lit(Scene(meshes, (WHITE,), (lamp,))) for meshes in (room, (*room, hull)))
+    count = len(room)
+    assert within.light[within.mesh < count].mean() == pytest.approx(alone.light.mean(), rel=0.05)
+    assert within.of(count).max() < 1e-3
+
+
+def test_where_a_box_stands_on_a_floor_no_light_leaks_into_its_shadow_and_no_shadow_out() -> None:
+    scene = Scene(
+        (floor(), box("Box", (-0.5, -0.5, 0), (0.5, 0.5, 1))), (BLACK,), (SunLight("Sun", (3.0,) * 3, (0.6, 0, -0.8)),)
+    )
+    found = lit(scene, page_size=128)
+    ground, x, y = found.mesh == 0, found.position[:, 0], np.abs(found.position[:, 1])
+    behind = ground & (x > 0.5) & (x < 1.1) & (y < 0.4)
+    before = ground & (x < -0.5) & (y < 0.4)
+    sunlit = 3 * 0.8 / np.pi
+    assert behind.sum() > 50
+    assert found.light[behind].max() < 1e-3 * sunlit
+    assert np.abs(found.light[before] / sunlit - 1).max() < 0.005
+
+
+def test_the_inside_of_a_closed_box_is_dark() -> None:
+    """The room's faces look inward, so its inside is on the page, and so is a block that stands in it."""
+    room = box("Room", (-1, -1, 0.5), (1, 1, 2.5), inward=True)
+    block = box("Block", (-0.3, -0.3, 0.5), (0.3, 0.3, 1))
+    scene = Scene((room, block, floor(8)), (WHITE,), (SunLight("Sun", (3.0,) * 3, (0, 0, -1)),), World((1, 1, 1)))
+    found = lit(scene)
+    assert found.of(2).mean() > 0.5
+    assert found.of(0).max() == 0
+    underside = found.normal[:, 2] < -0.5  # lies in the room's floor, and looks out of it
+    assert found.light[(found.mesh == 1) & ~underside].max() == 0
+
+
+def test_what_lies_inside_a_solid_is_dark() -> None:
+    outer, inner = box("Outer", (-1, -1, -1), (1, 1, 1)), box("Inner", (-0.3, -0.3, -0.3), (0.3, 0.3, 0.3))
+    found = lit(Scene((outer, inner), (WHITE,), world=World((1, 1, 1))))
+    assert found.of(0).min() > 0.99
+    assert found.of(1).max() == 0
+
+
+def test_a_room_of_planes_that_face_out_keeps_the_light_out_and_what_is_inside_dark() -> None:
+    room = planes(box("Room", (-1, -1, 0), (1, 1, 2)))
+    block = box("Block", (-0.3, -0.3, 0.5), (0.3, 0.3, 1))
+    found = lit(Scene((*room, block), (WHITE,), (SunLight("Sun", (3.0,) * 3, (0.6, 0, -0.8)),), World((1, 1, 1))))
+    assert found.of(1).mean() > 1, "its top stands in the sun"
+    assert found.of(6).max() < 1e-3
+
+
+def test_backs_of_planes_reflect_like_fronts() -> None:
+    """A block under a lamp gets the same light whichever way the walls around it face."""
+    room, *blocks = furnished_room().meshes
+    turned = [
+        lit(replace(furnished_room(), meshes=(*planes(room, turned=way), *blocks)), quality="medium")
+        for way in (False, True)
+    ]
+    for index in (6, 7):
+        front, back = (found.of(index).mean(0, dtype=np.float64) for found in turned)
+        assert back == pytest.approx(front, rel=0.02)
+    assert turned[1].of(0).max() == 0, "the floor's front is outside"
+
+
+# who takes part
+
+
+def test_surfaces_without_a_lightmap_cast_shadows() -> None:
+    cover = mesh_of("Cover", [quad((-1, -1, 1), (2, 0, 0), (0, 2, 0))], [0], lightmapped=False)
+    found = lit(Scene((floor(), cover), (BLACK,), (SunLight("Sun", (3.0,) * 3, (0, 0, -1)),)))
+    assert set(found.mesh) == {0}
+    outside = np.abs(found.position[:, :2]).max(1)
+    assert found.light[outside < 0.9].max() == 0
+    assert found.light[outside > 1.1] == pytest.approx(3 / np.pi, rel=0.005)
+
+
+def test_surfaces_without_a_lightmap_bounce_the_same_light() -> None:
+    scene = furnished_room()
+    room, *blocks = scene.meshes
+    hidden = replace(scene, meshes=(room, *(replace(block, lightmapped=False) for block in blocks)))
+    whole, partly = (lit(entry, quality="medium") for entry in (scene, hidden))
+    shown = (whole.position[:, 2] > 1e-3) & (whole.mesh == 0)  # not the floor, part of which is under the blocks
+    also = (partly.position[:, 2] > 1e-3) & (partly.mesh == 0)
+    mean = whole.light[shown].mean(0, dtype=np.float64)
+    assert partly.light[also].mean(0, dtype=np.float64) == pytest.approx(mean, rel=0.02)
+    assert list(partly.baked.atlas.page) == [0, 1, 1]
+    assert len(partly.baked.pages) == 1
+
+
+def test_a_light_group_without_light_changes_nothing() -> None:
+    room = furnished_room()
+    alone = bake_of(room).pages[0]
+    beside = bake_of(replace(room, groups=("used", "empty"))).pages[0]
+    assert beside == pytest.approx(alone, rel=1e-6)
+
+
+def test_degenerate_triangles_change_nothing_around_them() -> None:
+    """Triangles that are points, lines and slivers, and a face that lies on another one, under an open sky."""
+    bad = [
+        [(1, 1, 0.5), (1, 1, 0.5), (1, 1, 0.5)],
+        [(0, 0, 0.5), (1, 0, 0.5), (2, 0, 0.5)],
+        [(0, 0, 0.2), (1, 0, 0.2), (1, 1e-9, 0.2)],
+    ]
+    count = len(bad)
+    triangles = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    up = np.tile(np.float32([0, 0, 1]), (count, 3, 1))
+    zeros = np.zeros(count, np.int32)
+    mesh = Mesh("Bad", np.reshape(bad, (-1, 3)), triangles, up, zeros, np.arange(count, dtype=np.int32), triangles)
+    world = World((0.7, 0.5, 0.3))
+    found = lit(Scene((floor(), mesh), (WHITE,), world=world))
+    assert np.abs(found.of(0) / np.float32(world.radiance) - 1).max() < 0.002
+
+
+def test_a_scene_without_light_is_black() -> None:
+    assert bake_of(replace(furnished_room(), lights=())).pages[0].max() == 0
+
+
+@pytest.mark.parametrize("meshes", [(), (floor(lightmapped=False),)], ids=["empty", "nothing lightmapped"])
+def test_a_scene_without_a_surface_to_bake_is_an_error(meshes: tuple[Mesh, ...]) -> None:
+    with pytest.raises(SceneError, match="no surface to bake"):
+        bake_of(Scene(meshes, (WHITE,), (SunLight("Sun", (3.0,) * 3, (0, 0, -1)),)))
+
+
+# how it runs
+
+
+@pytest.fixture(scope="module")
+def steps() -> tuple[list[Progress], Baked]:
+    """All that a bake in medium quality says, and its result."""
+    said, running = [], bake(furnished_room(), BakeSettings(page_size=64))
+    while True:
+        try:
+            said.append(next(running))
+        except StopIteration as stop:
+            return said, stop.value
+
+
+def test_one_thread_and_two_give_the_same_bits() -> None:
+    one, two = (bake_of(two_lamps(2), quality="medium", page_size=128, threads=threads) for threads in (1, 2))
+    assert np.array_equal(one.pages[0], two.pages[0])
+    assert (one.rays, one.residual) == (two.rays, two.residual)
+
+
+def test_progress_goes_forward_through_all_stages(steps: tuple[list[Progress], Baked]) -> None:
+    said, baked = steps
+    fractions = [progress.fraction for progress in said]
+    assert fractions == sorted(fractions)
+    assert 0 <= fractions[0] <= 0.01
+    assert 0.9 < fractions[-1] <= 1
+    assert list(dict.fromkeys(progress.stage for progress in said)) == list(STAGES)
+    assert [stage.name for stage in baked.stages] == list(STAGES)
+
+
+def test_rays_grow_and_the_residual_falls_to_the_tolerance(steps: tuple[list[Progress], Baked]) -> None:
+    said, baked = steps
+    rays, residuals = [progress.rays for progress in said], [progress.residual for progress in said]
+    assert rays == sorted(rays)
+    assert residuals == sorted(residuals, reverse=True)
+    assert 0 < baked.residual <= BakeSettings.tolerance
+    assert sum(stage.rays for stage in baked.stages) == baked.rays >= rays[-1] > 0
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_closing_a_bake_in_any_stage_ends_its_threads_and_children(stage: str) -> None:
+    running = bake(furnished_room(), BakeSettings(page_size=128, threads=2))
+    assert any(progress.stage == stage for progress in running)
+    next(running, None)
+    running.close()
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("radiosity")]
+    assert not multiprocessing.active_children()
+    with pytest.raises(StopIteration):
+        next(running)
+
+
+def test_a_white_room_says_that_its_light_did_not_settle() -> None:
+    room = Scene(
+        (box("Room", (0, 0, 0), (1, 1, 1), inward=True),),
+        (Material("Snow", (0.99999,) * 3),),
+        (PointLight("Lamp", (1, 1, 1), (0.5, 0.5, 0.5)),),
+    )
+    assert any("unshot" in warning for warning in bake_of(room, tolerance=1e-8).warnings)
