@@ -40,6 +40,11 @@ MOST_SWEEPS = 60
 BALANCED = 1e-7
 """Relative error of the row sums at which balancing stops; float32 entries hold no more."""
 
+STALL_SWEEPS = 4
+STALLED = 0.9
+"""Balancing ends, after four times as many sweeps, when so many have not brought the error below this share of what it
+was: two patches in a narrow gap that see each other alone, of unlike areas, can't both be right, and never will."""
+
 BALANCING_POWER = 0.75
 """Exponent of a balancing step. Errors shrink by 1 - power (1 + w) for eigenvalues w of F: 1/2 settles alternating
 errors in one step, but smooth ones (w near 0) slowly; 3/4 treats w in [-1/3, 1], where those of rooms lie, alike."""
@@ -217,10 +222,13 @@ def balance(
     seen = np.where(hits > 0, area * hits / np.maximum(rays, 1), joined)  # others may have met who met none
     slack = np.minimum(area * SLACK_RAYS / np.maximum(rays, SLACK_RAYS), area - seen)
     goal = seen + slack
+    errors: list[float] = []
     for sweep in range(MOST_SWEEPS):
         sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + slack)
         ratio = sums / goal  # never 0: a row without entries has slack
-        if np.abs(ratio - 1).max(initial=0) < BALANCED:
+        errors.append(float(np.abs(ratio - 1).max(initial=0)))
+        stalled = sweep >= 4 * STALL_SWEEPS and errors[-1] > STALLED * errors[-1 - STALL_SWEEPS]
+        if errors[-1] < BALANCED or stalled:
             break
         scale *= ratio**-BALANCING_POWER
         yield sweep / MOST_SWEEPS

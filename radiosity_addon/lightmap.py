@@ -7,6 +7,7 @@ import numpy as np
 
 from .arrays import Bools, Float32
 from .seams import close_seams
+from .surfaces import BLOCK
 from .texels import Texels
 
 GROWTH = 4
@@ -21,37 +22,29 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
         page_count: pages wanted; those after them are hidden ones
     """
     size = texels.size
-    taking = slice(0, int(np.searchsorted(texels.pixel, page_count * size * size)))
-    valid = texels.valid[taking]
-    pixel = texels.pixel[taking][valid]
+    count = int(np.searchsorted(texels.pixel, page_count * size * size))
     pages: Float32 = np.zeros((page_count * size * size, 3), np.float32)
-    pages[pixel] = irradiance[taking][valid].sum(1) / np.float32(np.pi)
     known = np.zeros(len(pages), bool)
-    known[pixel] = True
-    buried = _buried(texels, taking)
-    known[texels.pixel[taking][buried]] = True
+    for start in range(0, count, BLOCK):
+        chosen = start + np.flatnonzero(texels.valid[start : min(start + BLOCK, count)])
+        light = irradiance[chosen, 0]
+        for group in range(1, irradiance.shape[1]):
+            light += irradiance[chosen, group]
+        light *= np.float32(1 / np.pi)
+        pages[texels.pixel[chosen]] = light
+        known[texels.pixel[chosen]] = True
     close_seams(pages, known, texels)
     shape = (page_count, size, size)
-    return [_filled(*page) for page in zip(pages.reshape(*shape, 3), known.reshape(shape), strict=True)]
+    result = list(pages.reshape(*shape, 3))
+    for image, there in zip(result, known.reshape(shape), strict=True):
+        for _ in range(GROWTH):
+            _grow(image, there)
+        push_pull(image, there)
+    return result
 
 
-def _buried(texels: Texels, taking: slice) -> Bools:
-    """(t,) bool: invalid texels of surfaces without any valid one: things inside a solid, where it is dark."""
-    component = texels.surfaces.component[texels.triangle[taking, 0]]
-    valid = texels.valid[taking]
-    seen = np.zeros(int(component.max(initial=0)) + 1, bool)
-    seen[component[valid]] = True
-    return ~valid & ~seen[component]
-
-
-def _filled(image: Float32, known: Bools) -> Float32:
-    for _ in range(GROWTH):
-        image, known = _grown(image, known)
-    return push_pull(image, known)
-
-
-def _grown(image: Float32, known: Bools) -> tuple[Float32, Bools]:
-    """One step outward: the mean over known neighbours, the diagonal ones at half weight."""
+def _grow(image: Float32, known: Bools) -> None:
+    """One step outward, in place: the mean over known neighbours, the diagonal ones at half weight."""
     height, width = known.shape
     wanted = np.zeros_like(known)
     wanted[1:] |= known[:-1]
@@ -59,34 +52,41 @@ def _grown(image: Float32, known: Bools) -> tuple[Float32, Bools]:
     wide = wanted | known
     wanted[:, 1:] |= wide[:, :-1]
     wanted[:, :-1] |= wide[:, 1:]
-    rows, columns = np.nonzero(wanted & ~known)
-    total = np.zeros((len(rows), 3), np.float32)
-    weight = np.zeros(len(rows), np.float32)
+    wanted &= ~known
+    pixel = np.flatnonzero(wanted)
+    row, column = pixel // width, pixel % width
+    flat, there = image.reshape(-1, 3), known.reshape(-1)
+    total = np.zeros((len(pixel), 3), np.float32)
+    weight = np.zeros(len(pixel), np.float32)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
-            y, x = np.clip(rows + dy, 0, height - 1), np.clip(columns + dx, 0, width - 1)
-            share = known[y, x] * np.float32(0.5 if dx and dy else 1.0)
-            total += image[y, x] * share[:, None]
-            weight += share
-    image, known = image.copy(), known.copy()
-    met = weight > 0
-    image[rows[met], columns[met]] = total[met] / weight[met, None]
-    known[rows[met], columns[met]] = True
-    return image, known
+            if not dx and not dy:
+                continue
+            beside = np.clip(row + dy, 0, height - 1) * width + np.clip(column + dx, 0, width - 1)
+            met = np.flatnonzero(there[beside])
+            share = np.float32(0.5 if dx and dy else 1.0)
+            total[met] += flat[beside[met]] * share
+            weight[met] += share
+    flat[pixel] = total / weight[:, None]
+    there[pixel] = True
 
 
-def push_pull(image: Float32, known: Bools) -> Float32:
-    """Fill (H, W, 3) where not `known` from ever coarser means (Gortler et al. 1996, section 3.5)."""
-    if known.all() or not known.any():
-        return image
+def push_pull(image: Float32, known: Bools) -> None:
+    """Fill (H, W, 3), in place, where not `known` from ever coarser means (Gortler et al. 1996, section 3.5)."""
+    unknown = np.flatnonzero(~known)
+    if len(unknown) in (0, known.size):
+        return
     height, width = known.shape
-    padded = np.zeros((height + height % 2, width + width % 2, 3), np.float32)
-    weight = np.zeros(padded.shape[:2], np.float32)
-    padded[:height, :width] = image * known[:, :, None]
-    weight[:height, :width] = known
-    coarse = sum(padded[y::2, x::2] for y in (0, 1) for x in (0, 1))
-    total = sum(weight[y::2, x::2] for y in (0, 1) for x in (0, 1))
-    mean = np.asarray(coarse / np.maximum(total, 1)[:, :, None], np.float32)
-    mean = push_pull(mean, np.asarray(total > 0))
-    wide = np.repeat(np.repeat(mean, 2, axis=0), 2, axis=1)[:height, :width]
-    return np.where(known[:, :, None], image, wide)
+    flat = image.reshape(-1, 3)
+    flat[unknown] = 0
+    tall, wide = (height + 1) // 2, (width + 1) // 2
+    coarse = np.zeros((tall, wide, 3), np.float32)
+    total = np.zeros((tall, wide), np.float32)
+    for y in (0, 1):
+        for x in (0, 1):
+            part = known[y::2, x::2]
+            coarse[: part.shape[0], : part.shape[1]] += image[y::2, x::2]
+            total[: part.shape[0], : part.shape[1]] += part
+    coarse /= np.maximum(total, 1)[:, :, None]
+    push_pull(coarse, np.asarray(total > 0))
+    flat[unknown] = coarse.reshape(-1, 3)[unknown // width // 2 * wide + unknown % width // 2]

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
+from .coverage import ragged
 from .sampling import even_uniform
-from .texels import STRATA, Texels
+from .surfaces import BLOCK
+from .texels import BITS, STRATA, Texels
 from .visibility import Hits
 
 SKY = -1
@@ -53,7 +55,8 @@ class Patches:
     back: Int32
     sides: Float32
     texels: Texels
-    _start: Int64
+    _start: Int32
+    _number: Int32
     _strata: Int32
 
     @property
@@ -62,29 +65,38 @@ class Patches:
 
     def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
         """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
-        start, stop = self._start[patches], self._start[patches + 1]
-        chosen = even_uniform(patches, sample, ORIGIN_DIMENSION) * (stop - start)
-        stratum = self._strata[start + np.minimum(chosen.astype(np.int64), stop - start - 1)]
-        texels = self.texels
-        points, triangle = texels.points(stratum >> 2, stratum & (STRATA - 1))
-        normals = texels.surfaces.normal[triangle] * self.sides[patches, None]
-        points += normals * np.float32(texels.surfaces.offset)
+        number = self._number[patches]
+        chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
+        np.minimum(chosen, number - 1, out=chosen)
+        chosen += self._start[patches]
+        surfaces = self.texels.surfaces
+        points, triangle = self.texels.stratum_points(self._strata[chosen])
+        normals = surfaces.normals(triangle)
+        if self.has_backs:
+            normals *= self.sides[patches, None]
+        points += normals * np.float32(surfaces.offset)
         return points, normals
+
+    @property
+    def has_backs(self) -> bool:
+        return bool(len(self.sides) and self.sides[-1] < 0)
 
     def elements(self, hits: Hits) -> Int32:
         """The element (R,) that each ray met."""
-        texel = self.texels.at(hits.triangle, hits.u, hits.v)
-        found = np.where(texel >= 0, texel, NOTHING)
-        behind = ~hits.front & (texel >= 0)
-        back = self.back[texel[behind]]
-        found[behind] = np.where(back >= 0, back + self.texels.count, NOTHING)
+        found = self.texels.at(hits.triangle, hits.u, hits.v)
+        found[found < 0] = NOTHING
+        behind = np.flatnonzero(~hits.front & (found >= 0))
+        back = self.back[found[behind]]
+        back[back >= 0] += np.int32(self.texels.count)
+        found[behind] = back
         found[hits.triangle < 0] = SKY
-        return found.astype(np.int32)
+        return found
 
     def at(self, hits: Hits) -> Int32:
         """The patch (R,) that each ray met, SKY or NOTHING."""
         element = self.elements(hits)
-        return np.where(element >= 0, self.of_element[element], element).astype(np.int32)
+        met = self.of_element[np.maximum(element, 0)]
+        return np.where(element >= 0, met, element)
 
     def mean(self, values: Float32) -> Float64:
         """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
@@ -112,9 +124,9 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
     weight = texels.area[taking].astype(np.float64)
     width = float(np.sqrt(weight.sum() / max(target, 1))) or 1.0
     front, fronts = _cells(texels, taking, width)
-    hollow = ~solid[texels.triangle[taking, 0]]
+    hollow = np.flatnonzero(~solid[texels.triangle[taking, 0]])
     behind, backs = _cells(texels, taking[hollow], width * BACK_COARSENESS)
-    behind = behind + fronts
+    behind = behind + np.int32(fronts)
     count = fronts + backs
 
     members = np.concatenate([front, behind])
@@ -132,7 +144,7 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
     _join_lonely(of_element, texels)
     back = np.full(texels.count, NOTHING, np.int32)
     back[taking[hollow]] = behind
-    start, strata = _strata_lists(texels, members, owners, count)
+    number, strata = _strata_lists(texels, members, owners, count)
     return Patches(
         area=area,
         reflectance=mean(reflectance),
@@ -141,7 +153,8 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
         back=back,
         sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
         texels=texels,
-        _start=start,
+        _start=(np.cumsum(number) - number).astype(np.int32),
+        _number=number,
         _strata=strata,
     )
 
@@ -149,12 +162,24 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
 def _cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
     """One number for each texel (C,): equal for texels of one cell, facing, material and connected surface."""
     surfaces = texels.surfaces
-    triangle = texels.triangle[chosen, 0]
-    cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
-    normal = texels.normal[chosen]
-    axis = np.abs(normal).argmax(1)
-    facing = axis * 2 + (normal[np.arange(len(axis)), axis] < 0)
-    return mixed_radix(surfaces.component[triangle], surfaces.material[triangle], facing, *cell.T)
+    parts = np.empty((6, len(chosen)), np.int32)
+    for start in range(0, len(chosen), BLOCK):
+        part = slice(start, start + BLOCK)
+        own = chosen[part]
+        triangle = texels.triangle[own, 0]
+        parts[0, part] = surfaces.component[triangle]
+        parts[1, part] = surfaces.material[triangle]
+        parts[2, part] = _facing(*np.ascontiguousarray(texels.normal[own].T))
+        parts[3:, part] = np.floor(texels.position[own].T / np.float32(width))
+    return mixed_radix(*parts)
+
+
+def _facing(x: Float32, y: Float32, z: Float32) -> Int64:
+    """0 to 5: along which axis, forward or backward, normals (C,) point most."""
+    wide, tall, deep = np.abs(x), np.abs(y), np.abs(z)
+    axis = np.where(deep > np.maximum(wide, tall), 2, np.where(tall > wide, 1, 0))
+    value = np.choose(axis, (x, y, z))
+    return axis * 2 + (value < 0)
 
 
 def mixed_radix(*parts: Int32 | Int64) -> Int64:
@@ -162,14 +187,25 @@ def mixed_radix(*parts: Int32 | Int64) -> Int64:
     key = np.zeros(len(parts[0]), np.int64)
     for part in parts:
         low = int(part.min(initial=0))
-        key = key * (int(part.max(initial=0)) - low + 1) + (part - low)
+        key *= int(part.max(initial=0)) - low + 1
+        key += part
+        key -= low
     return key
 
 
-def _cells(texels: Texels, chosen: Int64, width: float) -> tuple[Int64, int]:
+def _cells(texels: Texels, chosen: Int64, width: float) -> tuple[Int32, int]:
     """Number of the cell of each chosen texel (C,), and how many cells there are."""
-    names, cell = np.unique(_cell_keys(texels, chosen, width), return_inverse=True)
-    return cell.reshape(-1), len(names)
+    key = _cell_keys(texels, chosen, width)
+    begin, length = _runs(key)
+    names, cell = np.unique(key[begin], return_inverse=True)
+    return np.repeat(cell.reshape(-1).astype(np.int32), length), len(names)
+
+
+def _runs(values: Int64 | Int32) -> tuple[Int64, Int64]:
+    """Where runs of equal values begin, and how long they are. Texels come row by row, so there are few to sort."""
+    ends = np.flatnonzero(values[1:] != values[:-1]) + 1
+    begin = np.append(0, ends)[: len(values)]
+    return begin, np.diff(np.append(begin, len(values)))
 
 
 def _join_lonely(of_element: Int32, texels: Texels) -> None:
@@ -184,12 +220,21 @@ def _join_lonely(of_element: Int32, texels: Texels) -> None:
         of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
 
 
-def _strata_lists(texels: Texels, members: Int64, owners: Int64, count: int) -> tuple[Int64, Int32]:
-    """Covered strata of each patch, one after the other: offsets (N + 1,) and texel * 4 + slot (K,)."""
-    order = np.argsort(members, kind="stable")
-    sorted_owners = owners[order]
-    bits = ((texels.covered[sorted_owners][:, None] >> np.arange(STRATA)) & 1).astype(bool)
-    bits[~bits.any(1), 0] = True
-    strata = (sorted_owners[:, None] * STRATA + np.arange(STRATA))[bits]
-    number = np.bincount(members, weights=bits.sum(1)[np.argsort(order, kind="stable")], minlength=count)
-    return np.concatenate([[0], np.cumsum(number)]).astype(np.int64), strata.astype(np.int32)
+def _strata_lists(texels: Texels, members: Int32, owners: Int64, count: int) -> tuple[Int32, Int32]:
+    """Covered strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,)."""
+    begin, length = _runs(members)
+    order = np.argsort(members[begin], kind="stable")
+    owners = owners[ragged(begin[order], length[order])].astype(np.int32)
+    members = np.repeat(members[begin][order], length[order])
+    kept = texels.covered[owners] | (texels.covered[owners] == 0)  # those beside charts stand in one place
+    number = np.bincount(members, weights=BITS[kept], minlength=count)
+    strata = np.empty(int(number.sum()), np.int32)
+    done = 0
+    slots = np.arange(STRATA, dtype=np.int32)
+    for start in range(0, len(owners), BLOCK):
+        part = slice(start, start + BLOCK)
+        chosen = ((kept[part, None] >> slots) & 1) > 0
+        found = (owners[part, None] * np.int32(STRATA) + slots)[chosen]
+        strata[done : done + len(found)] = found
+        done += len(found)
+    return number.astype(np.int32), strata

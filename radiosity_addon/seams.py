@@ -112,8 +112,13 @@ def _compare(texels: Texels, known: Bools) -> _Comparison | None:
     inside[inside] &= known[table[inside]].all(1)
     if not inside.any():
         return None
-    pixel, column = np.unique(table[inside], return_inverse=True)
-    return _Comparison(pixel, column.reshape(-1, 8), weight[inside])
+    table, weight = table[inside], weight[inside]
+    used = np.zeros(len(known), bool)
+    used[table] = True
+    pixel = np.flatnonzero(used)
+    number = np.empty(len(known), np.int32)
+    number[pixel] = np.arange(len(pixel), dtype=np.int32)
+    return _Comparison(pixel, number[table].astype(np.int64), weight)
 
 
 _Sides = tuple[tuple[Float64, Int64], tuple[Float64, Int64]]
@@ -122,32 +127,45 @@ _Sides = tuple[tuple[Float64, Int64], tuple[Float64, Int64]]
 def _seams(texels: Texels) -> _Sides:
     """Both sides of every seam: ends (E, 2, 2) in texels and page (E,)."""
     surfaces: Surfaces = texels.surfaces
-    corners = surfaces.corners.reshape(-1, 3)
-    _, vertex = np.unique(np.round(corners / np.float32(surfaces.offset)), axis=0, return_inverse=True)
-    vertex = vertex.reshape(-1, 3)
-    start, stop = vertex, np.roll(vertex, -1, axis=1)
-    low, high = np.minimum(start, stop).reshape(-1), np.maximum(start, stop).reshape(-1)
+    vertex = _vertices(surfaces)
+    following = np.roll(vertex, -1, axis=1)
+    low, high = np.minimum(vertex, following).reshape(-1), np.maximum(vertex, following).reshape(-1)
     key = low * (int(vertex.max(initial=0)) + 1) + high
     order = np.argsort(key, kind="stable")
     begin = np.flatnonzero(np.concatenate([[True], np.diff(key[order]) != 0])[: len(order)])
     pair = begin[np.diff(np.append(begin, len(order))) == 2]
     one, other = order[pair], order[pair + 1]
     x0, y0, xu, xv, yu, yv = texels.lookup.astype(np.float64)
-    uv = np.stack([np.stack([x0, y0], 1), np.stack([x0 + xu, y0 + yu], 1), np.stack([x0 + xv, y0 + yv], 1)], axis=1)
-    turned = (start > stop).reshape(-1)
+    uv = np.stack([x0, y0, x0 + xu, y0 + yu, x0 + xv, y0 + yv], axis=1).reshape(-1, 3, 2)
+    backward = (vertex > following).reshape(-1)
 
-    def side(edge: Int64) -> tuple[Float64, Float32, Int64]:
+    def corners(edge: Int64) -> tuple[Int64, Int64, Int64]:
+        """Triangle, and its corners at the edge's lower and higher vertex."""
         triangle, corner = edge // 3, edge % 3
-        following = (corner + 1) % 3
-        first = np.where(turned[edge], following, corner)
-        last = np.where(turned[edge], corner, following)
-        ends = np.stack([uv[triangle, first], uv[triangle, last]], axis=1)
-        normals = np.stack([surfaces.corner_normals[triangle, first], surfaces.corner_normals[triangle, last]], axis=1)
-        return ends, normals, texels.page[triangle].astype(np.int64)
+        after, turned = (corner + 1) % 3, backward[edge]
+        return triangle, np.where(turned, after, corner), np.where(turned, corner, after)
 
-    ends, normals, page = side(one)
-    ends_b, normals_b, page_b = side(other)
-    apart = (np.abs(ends - ends_b).max((1, 2)) > 0.01) | (page != page_b)
-    smooth = (np.einsum("eij,eij->ei", normals, normals_b) > SMOOTH).all(1)
-    chosen = apart & smooth & (page >= 0) & (page_b >= 0)
-    return (ends[chosen], page[chosen]), (ends_b[chosen], page_b[chosen])
+    def ends(edge: Int64) -> tuple[Float64, Int64]:
+        triangle, first, last = corners(edge)
+        return np.stack([uv[triangle, first], uv[triangle, last]], axis=1), texels.page[triangle].astype(np.int64)
+
+    def normals(edge: Int64) -> Float32:
+        triangle, first, last = corners(edge)
+        return np.stack([surfaces.corner_normals[triangle, first], surfaces.corner_normals[triangle, last]], axis=1)
+
+    (end, page), (end_b, page_b) = ends(one), ends(other)
+    apart = np.flatnonzero((np.abs(end - end_b) > 0.01).any((1, 2)) | (page != page_b))
+    alike = np.einsum("eij,eij->ei", normals(one[apart]), normals(other[apart])) > SMOOTH
+    chosen = apart[alike.all(1)]
+    return (end[chosen], page[chosen]), (end_b[chosen], page_b[chosen])
+
+
+def _vertices(surfaces: Surfaces) -> Int64:
+    """One number (F, 3) for all corners at the same place, on a grid of the ray offset: 2^20 steps to each side."""
+    grid = np.rint(surfaces.corners.reshape(-1, 3) / np.float32(surfaces.offset or 1.0)).astype(np.int64)
+    place = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
+    order = np.argsort(place, kind="stable")
+    ranked = place[order]
+    number = np.empty(len(place), np.int64)
+    number[order] = np.cumsum(np.concatenate([[0], ranked[1:] != ranked[:-1]])[: len(order)])
+    return number.reshape(-1, 3)

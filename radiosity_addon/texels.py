@@ -96,14 +96,22 @@ class Texels:
         Returns:
             (R, 3) float32, m, in memory x, y and z apart, and (R,) int32
         """
-        flat = texels * np.int64(STRATA)
-        flat += sample & (STRATA - 1)
-        triangle = self.triangle.reshape(-1)[flat]
-        weights = self.barycentric.reshape(-1).view(np.int64)[flat].view(np.float32).reshape(-1, 2)
-        if sample.max(initial=0) >= STRATA:
-            turn = np.where(self.covered[texels] > 0, sample >> 2, 0)
-            weights = self._shifted(weights, triangle, turn)
+        stratum = texels * np.int64(STRATA)
+        stratum += sample & (STRATA - 1)
+        if sample.max(initial=0) < STRATA:
+            return self.stratum_points(stratum)
+        triangle, weights = self._strata(stratum)
+        turn = np.where(self.covered[texels] > 0, sample >> 2, 0)
+        return self.surfaces.points(triangle, self._shifted(weights, triangle, turn)), triangle
+
+    def stratum_points(self, stratum: Int64 | Int32) -> tuple[Float32, Int32]:
+        """As `points`, of strata (R,) numbered texel * 4 + slot."""
+        triangle, weights = self._strata(stratum)
         return self.surfaces.points(triangle, weights), triangle
+
+    def _strata(self, stratum: Int64 | Int32) -> tuple[Int32, Float32]:
+        pairs = self.barycentric.reshape(-1).view(np.int64)  # one gather for both weights
+        return self.triangle.reshape(-1)[stratum], pairs[stratum].view(np.float32).reshape(-1, 2)
 
     def origins(self, texels: Int64 | Int32, sample: Int64 | Int32) -> Float32:
         """Ray origins (R, 3): `points`, lifted off the surface."""
@@ -274,12 +282,15 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     def complete(start: int, stop: int) -> None:
         part = slice(start, stop)
         own, weights = triangles[part], barycentric[part]
-        mask = ((own >= 0) << _SLOTS.astype(np.uint8)).sum(1)
-        shares = np.take(per_sample, own, mode="wrap")  # -1 is the last one, 0
-        shares[beside[part]] = 0
-        area[part] = shares[:, 0] + shares[:, 1] + shares[:, 2] + shares[:, 3]
+        mask = np.zeros(len(own), np.uint8)
+        total = np.zeros(len(own))
+        for slot in range(STRATA):
+            triangle = own[:, slot].astype(np.intp)
+            mask |= (triangle >= 0).view(np.uint8) << np.uint8(slot)
+            total += per_sample[triangle]  # that of -1, the last one, is 0
         mask[beside[part]] = 0
-        covered[part] = mask
+        total[beside[part]] = 0
+        covered[part], area[part] = mask, total
         some = np.flatnonzero(mask != (1 << STRATA) - 1)
         source = STAND_INS[mask[some]]
         own[some] = np.take_along_axis(own[some], source, axis=1)
