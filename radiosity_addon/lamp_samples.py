@@ -42,6 +42,21 @@ def basis(axis: Float32) -> tuple[Float32, Float32]:
     return np.stack([1 + sign * x * x * a, sign * b, -sign * x]), np.stack([b, sign + y * y * a, -y])
 
 
+def across(axis: Rows, x: Float32, y: Float32) -> tuple[Float32, Float32, Float32]:
+    """X and y (B,) along the two vectors that `basis` gives for unit axes (3, B): the sum's three rows."""
+    nx, ny, nz = axis
+    sign = np.copysign(np.float32(1), nz)
+    along = sign * x
+    along *= nx
+    along += y * ny
+    tilt = along / (sign + nz)
+    sign *= y
+    sign -= ny * tilt
+    np.negative(along, out=along)
+    first: Float32 = x - nx * tilt
+    return first, sign, along
+
+
 def on_disc(u: Float32, v: Float32) -> tuple[Float32, Float32]:
     """The unit square (B,) laid on the unit disc, areas kept: u outward, v around."""
     radius = np.sqrt(u)
@@ -130,7 +145,7 @@ def pixel_shifts(pixel: Int64, size: int) -> tuple[Float32, Float32]:
     return shifts[0], shifts[1]
 
 
-def shifted(value: np.float32, shift: Float32) -> Float32:
+def shifted(value: np.float32 | Float32, shift: Float32) -> Float32:
     """(value + shift) modulo 1."""
     moved: Float32 = shift + value
     moved -= moved >= 1

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Bools, Float32, Float64
-from .lamp_samples import TINY, Rows, basis, cosine_above, disc_nodes, dot, normals_of, on_disc, rows_of
+from .arrays import Bools, Float32, Float64, Int64
+from .lamp_samples import TINY, Rows, across, cosine_above, disc_nodes, dot, normals_of, on_disc, rows_of
 from .polygons import BLOCK, cap_light
 from .scene import RGB, PointLight, SpotLight, SunLight
 
@@ -75,12 +75,16 @@ class Lamp(ABC):
 
     def light_by_samples(self, p: Float32, normals: list[Float32], nodes: Float64) -> Float32:
         """`light()` as a sum over nodes (K, 3), rows of u, v and weight; normals are those of `cosine_above`."""
-        total = np.zeros(p.shape[1], np.float32)
-        for u, v, share in nodes:
-            away, weight = self.aim(p, np.full_like(total, u), np.full_like(total, v))
-            weight *= cosine_above(away, normals)
-            weight *= np.float32(share)
-            total += weight
+        total = np.empty(p.shape[1], np.float32)
+        step = max(BLOCK // len(nodes), 1)
+        for start in range(0, len(total), step):
+            part = slice(start, start + step)
+            count = len(total[part])
+            u, v, share = np.repeat(nodes.T.astype(np.float32), count, axis=1)
+            away, weight = self.aim(np.tile(p[:, part], len(nodes)), u, v)
+            weight *= cosine_above(away, [np.tile(normal[:, part], len(nodes)) for normal in normals])
+            weight *= share
+            total[part] = weight.reshape(-1, count).sum(0)
         return total
 
 
@@ -113,11 +117,21 @@ class SpotCone:
 
     def crosses(self, away: Rows, reach: Float32) -> Bools:
         """Where the fade may lie within a lamp of `reach` (B,) radii over distance; errs on the safe side."""
-        scales = np.linalg.norm(self.axes, axis=1)
-        margin = reach * np.float32(math.pi / 2 * self.slope * np.max(scales) / np.min(scales))
+        margin = self._margin(reach)
         step = self._step(away)
         found: Bools = (step > -margin) & (step < 1 + margin)
         return found
+
+    def reaches(self, away: Rows, reach: Float32) -> Bools:
+        """Where light of a lamp of `reach` (B,) radii over distance may come; errs on the safe side."""
+        found: Bools = self._step(away) > -self._margin(reach)
+        return found
+
+    def _margin(self, reach: Float32) -> Float32:
+        """How far the fade's step may vary over a lamp of `reach` (B,)."""
+        scales = np.linalg.norm(self.axes, axis=1)
+        margin: Float32 = reach * np.float32(math.pi / 2 * self.slope * np.max(scales) / np.min(scales))
+        return margin
 
     def _step(self, away: Rows) -> Float32:
         """0 where the fade begins, 1 where it ends, (B,)."""
@@ -156,12 +170,34 @@ class RoundLamp(Lamp):
         return self.radius > 0
 
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
-        result = np.empty(len(points), np.float32)
+        result = np.zeros(len(points), np.float32)
         for start in range(0, len(points), BLOCK):
             part = slice(start, start + BLOCK)
-            below = None if geometric is None else geometric[part]
-            result[part] = self._block(rows_of(points[part]), normals_of(shading[part], below))
+            p = rows_of(points[part])
+            normals = normals_of(shading[part], None if geometric is None else geometric[part])
+            chosen = self._reached(p, normals)
+            if len(chosen) < p.shape[1]:
+                result[start + chosen] = self._block(p[:, chosen], [rows[:, chosen] for rows in normals])
+            else:
+                result[part] = self._block(p, normals)
         return result
+
+    def _reached(self, p: Float32, normals: list[Float32]) -> Int64:
+        """Those of the points p (3, B) over whose horizons the lamp may rise, and that its cone may reach."""
+        away = [self.position[k] - p[k] for k in range(3)]
+        reached = dot(away, normals[0]) > np.float32(-1.001 * self.radius)
+        for normal in normals[1:]:
+            reached &= dot(away, normal) > np.float32(-1.001 * self.radius)
+        if self.cone is not None:
+            some = np.flatnonzero(reached)
+            away = [row.take(some) for row in away]
+            square = dot(away, away)
+            distance: Float32 = np.sqrt(np.maximum(square, TOUCHING))
+            lit = self.cone.reaches(away, np.float32(self.radius) / distance)
+            if self.sphere:
+                lit |= square <= np.float32(self.radius**2)
+            return some[lit]
+        return np.flatnonzero(reached)
 
     def _block(self, p: Float32, normals: list[Float32]) -> Float32:
         away = [self.position[k] - p[k] for k in range(3)]
@@ -202,28 +238,33 @@ class RoundLamp(Lamp):
         return next(nodes for least, nodes in reversed(FADE_NODES) if steepness >= least)
 
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
-        away: Float32 = np.stack([self.position[k] - p[k] for k in range(3)])
+        away: Float32 = self.position[:, None] - p
         square: Float32 = np.maximum(dot(away, away), TOUCHING)
         if self.radius == 0:
             weight: Float32 = np.reciprocal(square)
             return away, weight if self.cone is None else weight * self.cone.fade(away)
         distance: Float32 = np.sqrt(square)
         axis: Float32 = away / distance
-        radius = np.full_like(square, self.radius)
+        scale: Float32 | np.float32 = np.float32(1)
         if self.sphere:
             r2 = np.float32(self.radius**2)
-            square = np.maximum(
-                square, np.full_like(square, 1.001 * self.radius**2)
-            )  # from inside, a lamp that fills half the sky
-            away -= axis * (r2 / np.maximum(distance, self.radius))
-            radius *= np.sqrt(1 - r2 / square)
-            distance = np.maximum(distance - r2 / distance, np.float32(0.03) * radius)
+            # from inside, a lamp that fills half the sky
+            np.maximum(square, np.float32(1.001 * self.radius**2), out=square)
+            away -= axis * (r2 / np.maximum(distance, np.float32(self.radius)))
+            scale = np.sqrt(1 - r2 / square)
+            nearest = scale * np.float32(0.03 * self.radius)
+            distance = np.maximum(distance - r2 / distance, nearest)
         x, y = on_disc(u, v)
-        tangent, bitangent = basis(axis)
-        way = away + tangent * (x * radius) + bitangent * (y * radius)
-        squared = np.maximum(dot(way, way), TOUCHING)
-        weight = dot(way, axis) * (radius / np.float32(self.radius)) ** 2 / (squared * np.sqrt(squared))
-        return way, weight if self.cone is None else weight * self.cone.fade(way)
+        radius = scale * np.float32(self.radius)
+        x *= radius
+        y *= radius
+        for row, part in zip(away, across(axis, x, y), strict=True):
+            row += part
+        weight = np.maximum(dot(away, away), TOUCHING)
+        weight *= np.sqrt(weight)
+        np.divide(dot(away, axis), weight, out=weight)
+        weight *= scale * scale
+        return away, weight if self.cone is None else weight * self.cone.fade(away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,14 +309,13 @@ class SunLamp(Lamp):
         way = np.repeat((self.direction * np.float32(self.reach))[:, None], p.shape[1], axis=1)
         if self.sine == 0:
             return way, np.ones(p.shape[1], np.float32)
-        tangent, bitangent = basis(self.direction[:, None])
         # uniform in solid angle: the height over the disc's plane is uniform between cos and 1
         height = 1 - u * np.float32(1 - math.sqrt(1 - self.sine**2))
         radius = np.sqrt((1 - height) * (1 + height)) * np.float32(self.reach)
         turn = v * np.float32(2 * math.pi)
         way *= height
-        way += tangent * (np.cos(turn) * radius)
-        way += bitangent * (np.sin(turn) * radius)
+        for row, part in zip(way, across(self.direction, np.cos(turn) * radius, np.sin(turn) * radius), strict=True):
+            row += part
         share = 2 / (1 + math.sqrt(1 - self.sine**2))  # the cap's solid angle over its projection
         return way, np.full(p.shape[1], share, np.float32)
 

@@ -23,9 +23,9 @@ from .penumbra import smooth_penumbrae
 from .sampling import hash_uniform
 from .scene import AreaLight, Light, Scene, SunLight
 from .settings import BakeSettings
-from .shadows import TRACE_CHUNK, Bytes, Receivers, pool_probes, shoot, trace_partly, visible_share
+from .shadows import TRACE_CHUNK, Bytes, Receivers, Tally, pooled, sample_groups, shoot, trace_partly
 from .surfaces import Surfaces
-from .texels import Texels
+from .texels import STRATA, Texels
 from .visibility import Visibility
 
 BATCH = 8
@@ -33,6 +33,9 @@ BATCH = 8
 
 BATCH_TEXELS = 1 << 24
 """Lamps of a batch times texels, at most: each pair takes 6 bytes while the batch is worked on."""
+
+POOL = 2
+"""Probes are pooled over this many texels to every side."""
 
 PROBE_CHUNK = 1 << 14
 """Texels probed in one go."""
@@ -96,16 +99,20 @@ def irradiance_at(
             lit = np.flatnonzero(light > 0)
             if lamp.shadow and len(lit):
                 rays = samples if lamp.extended else 1
-                origins, facing = [rows_of(points[part][lit])], [rows_of(normals[part][lit])]
+                side = STRATA if rays % STRATA == 0 else 1
+                origins = [np.tile(rows_of(points[part][lit]), (1, side))]
+                tally = Tally.none(len(lit))
                 chosen = shifts[0][lit], shifts[1][lit]
-                light[lit] *= visible_share(lamp, origins, facing, chosen, rays, visibility)[0]
+                facing = [rows_of(normals[part][lit])]
+                tally.add(lamp, origins, facing, chosen, sample_groups(rays, side), visibility)
+                light[lit] *= tally.share()
             _add(total[part], lamp, light)
     return total
 
 
 def direct_irradiance(
     lamps: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, group_count: int
-) -> Generator[float, None, Float32]:
+) -> Fractions[Float32]:
     """Irradiance H0 of every texel from all lamps; yields the share done.
 
     Returns:
@@ -165,46 +172,44 @@ def _probe(
 ) -> Fractions[list[None]]:
     """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
+    count = len(pattern)
 
     def work(start: int, stop: int) -> None:
         ids = start + np.flatnonzero(texels.valid[start:stop])
         if not len(ids):
             return
+        points, shading, normal = texels.position[ids], texels.shading_normal[ids], texels.normal[ids]
         receivers = Receivers.of(texels, ids)
-        origins = [receivers.origins(texels, k) for k in range(len(pattern))]
+        origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
         for index, lamp in enumerate(batch):
-            light = lamp.light(receivers.points, receivers.shading, receivers.geometric)
+            light = lamp.light(points, shading, None if len(receivers.normals) == 1 else normal)
             probes.light[index, ids] = light
             lit = np.flatnonzero(light > 0)
             if not lamp.shadow or not len(lit):
                 continue
             some = receivers.only(lit)
-            shot, seen = np.zeros(len(lit), np.uint8), np.zeros(len(lit), np.uint8)
-            for origin, (u, v) in zip(origins, pattern, strict=True):
-                p = origin if len(lit) == len(ids) else origin[:, lit]
-                moved = shifted(u, some.shifts[0]), shifted(v, some.shifts[1])
-                weight, arrived = shoot(lamp, p, some.normals, *moved, visibility)
-                shot += weight > 0
-                seen += arrived > 0
-            probes.shot[index, some.ids] = shot
-            probes.seen[index, some.ids] = seen
+            u, v = (shifted(pattern[:, k, None], some.shifts[k]).reshape(-1) for k in (0, 1))
+            p = origins[:, :, lit].reshape(3, -1)
+            normals = [np.tile(rows, (1, count)) for rows in some.normals]
+            for store, found in zip((probes.shot, probes.seen), shoot(lamp, p, normals, u, v, visibility), strict=True):
+                store[index, some.ids] = np.count_nonzero(found.reshape(count, -1), axis=0)
 
     return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
 
 
 def _shadow(
     lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
-) -> Generator[float, None, Float32]:
+) -> Fractions[Float32]:
     """The share (T,) of a lamp's light that arrives; yields the share done."""
-    ratio = np.ones(texels.count, np.float32)
-    pool = pool_probes(probes.seen[index], probes.shot[index], texels, ratio, settings.workers)
-    found: list[Int64] = yield from scaled(pool, 0, 0.1)
-    partly = np.concatenate(found) if found else np.zeros(0, np.int64)
-    partly = partly[probes.light[index, partly] > 0]
+    workers = settings.workers
+    near = yield from scaled(pooled(probes.seen[index], probes.shot[index], texels, POOL, workers), 0, 0.1)
+    ratio: Float32 = ((near.seen > 0) | (near.shot == 0)).astype(np.float32)
+    lit = probes.light[index] > 0
+    partly = np.flatnonzero(near.disagree() & lit)
     noise = np.zeros_like(ratio)
-    rays, workers = settings.steps.shadow_rays, settings.workers
-    yield from scaled(trace_partly(lamp, texels, partly, ratio, noise, visibility, rays, workers), 0.1, 0.8)
+    rays = settings.steps.shadow_rays
+    tracing = trace_partly(lamp, texels, partly, lit, ratio, noise, visibility, rays, workers)
+    penumbra = yield from scaled(tracing, 0.1, 0.8)
     if lamp.extended:
-        lit = probes.light[index] > 0
-        yield from scaled(smooth_penumbrae(texels, partly, ratio, noise, lit, workers), 0.8, 1)
+        yield from scaled(smooth_penumbrae(texels, penumbra, ratio, noise, lit, workers), 0.8, 1)
     return ratio

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Float32, Int64
-from .chunks import Fractions, in_chunks
+from .arrays import Bools, Float32, Int64
+from .chunks import Fractions, in_chunks, scaled
 from .lamp_samples import cosine_above, lattice, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
 from .texels import STRATA, Texels
@@ -20,16 +20,16 @@ from .visibility import Visibility
 Bytes: TypeAlias = NDArray[np.uint8]
 
 TRACE_CHUNK = 1 << 13
-"""Partly lit texels traced in one go."""
+"""Partly lit texels traced in one go, STRATA rays of each at a time."""
 
 BAND = 512
-"""Rows of a page whose probes are pooled in one go."""
-
-POOL = 2
-"""Probes are pooled over this many texels to every side."""
+"""Rows of a page whose samples are pooled in one go."""
 
 EDGE_RAYS = 64
 """Shadow rays of a texel where a lamp without size casts an edge: they only find the lit share of the footprint."""
+
+FIRST = 3
+"""One of so many samples comes first; where neighbours agree on them, the others are not needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +38,12 @@ class Receivers:
 
     Attributes:
         ids: (B,) int64, texels
-        points: (B, 3) float32, m
-        shading: (B, 3) float32, unit normals
-        geometric: the same of the surface, None where all are the shading normals
         normals: shading and, if there, geometric normals as rows (3, B)
         shifts: (B,) float32 each, of the samples' u and v
         turn: (B,) int64, stratum of the footprint that sample 0 starts from
     """
 
     ids: Int64
-    points: Float32
-    shading: Float32
-    geometric: Float32 | None
     normals: list[Float32]
     shifts: tuple[Float32, Float32]
     turn: Int64
@@ -58,22 +52,13 @@ class Receivers:
     def of(cls, texels: Texels, ids: Int64) -> Receivers:
         """The receivers at texels `ids`. Neighbours differ in their samples so that they complement each other."""
         shading, normal = texels.shading_normal[ids], texels.normal[ids]
-        geometric = None if np.array_equal(shading, normal) else normal
         pixel = texels.pixel[ids]
         return cls(
             ids=ids,
-            points=texels.position[ids],
-            shading=shading,
-            geometric=geometric,
-            normals=normals_of(shading, geometric),
+            normals=normals_of(shading, None if np.array_equal(shading, normal) else normal),
             shifts=pixel_shifts(pixel, texels.size),
             turn=pixel + 2 * (pixel // texels.size),
         )
-
-    def origins(self, texels: Texels, sample: int) -> Float32:
-        """Origins (3, B) of each one's shadow ray number `sample`."""
-        turned = (sample + self.turn) % STRATA + sample // STRATA * STRATA
-        return rows_of(texels.origins(self.ids, turned))
 
     def only(self, chosen: Int64) -> Receivers:
         """Those at positions `chosen`."""
@@ -81,13 +66,16 @@ class Receivers:
             return self
         return Receivers(
             ids=self.ids[chosen],
-            points=self.points[chosen],
-            shading=self.shading[chosen],
-            geometric=None if self.geometric is None else self.geometric[chosen],
             normals=[rows[:, chosen] for rows in self.normals],
             shifts=(self.shifts[0][chosen], self.shifts[1][chosen]),
             turn=self.turn[chosen],
         )
+
+    def origins(self, texels: Texels, first: int, count: int) -> Float32:
+        """Origins (3, count * B) of each one's shadow rays from number `first` on, one sample after the other."""
+        samples = np.arange(first, first + count)[:, None]
+        strata = (samples + self.turn) % STRATA + samples // STRATA * STRATA
+        return rows_of(texels.origins(np.tile(self.ids, count), strata.reshape(-1)))
 
 
 def shoot(
@@ -99,45 +87,74 @@ def shoot(
     arrived = weight.copy()
     live = np.flatnonzero(weight > 0)
     if len(live) == len(weight):
-        arrived[visibility.occluded(rays_of(p), rays_of(way))] = 0
+        arrived[visibility.occluded(_rays(p), _rays(way))] = 0
     elif len(live):
-        arrived[live[visibility.occluded(rays_of(p[:, live]), rays_of(way[:, live]))]] = 0
+        arrived[live[visibility.occluded(_rays(p, live), _rays(way, live))]] = 0
     return weight, arrived
 
 
-def rays_of(rows: Float32) -> Float32:
-    """Three rows as (B, 3)."""
-    return np.ascontiguousarray(rows.T)
+def _rays(rows: Float32, chosen: Int64 | None = None) -> Float32:
+    """Three rows, or what is chosen of them, as (R, 3)."""
+    rays = np.empty((rows.shape[1] if chosen is None else len(chosen), 3), np.float32)
+    for k in range(3):
+        rays[:, k] = rows[k] if chosen is None else rows[k].take(chosen)
+    return rays
 
 
-def visible_share(
-    lamp: Lamp,
-    origins: Sequence[Float32],
-    normals: list[Float32],
-    shifts: tuple[Float32, Float32],
-    count: int,
-    visibility: Visibility,
-) -> tuple[Float32, Float32]:
-    """The part of a lamp's light that arrives, (B,) float32 in 0..1, and its variance if its samples were
-    independent, told by two halves of them; 1 and 0 where no sample has any light.
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """What the samples of B points brought.
 
-    A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
-
-    Args:
-        origins: rows (3, B), taken in turn
-        shifts: (B,) each, of the sample lattice
-        count: samples
+    Attributes:
+        total, arrived: (2, B) float32, light of each half of the samples, unshadowed and shadowed
     """
-    total, arrived = np.zeros((2, 2, len(shifts[0])), np.float32)
-    for k, (u, v) in enumerate(lattice(count)):
-        p = origins[k % len(origins)]
-        weight, part = shoot(lamp, p, normals, shifted(u, shifts[0]), shifted(v, shifts[1]), visibility)
-        half = k // STRATA % 2  # both halves go through all strata of the footprint
-        total[half] += weight
-        arrived[half] += part
-    one, two = (_share(arrived[half], total[half]) for half in (0, 1))
-    variance: Float32 = np.square((one - two) * np.float32(0.5))
-    return _share(arrived.sum(0), total.sum(0)), variance
+
+    total: Float32
+    arrived: Float32
+
+    @classmethod
+    def none(cls, points: int) -> Tally:
+        return cls(np.zeros((2, points), np.float32), np.zeros((2, points), np.float32))
+
+    def add(
+        self,
+        lamp: Lamp,
+        origins: Sequence[Float32],
+        normals: list[Float32],
+        shifts: tuple[Float32, Float32],
+        samples: Float32,
+        visibility: Visibility,
+    ) -> None:
+        """Trace samples, some at a time.
+
+        Args:
+            origins: (3, S * B) each, of S samples one after the other; groups of samples take them in turn
+            normals: (3, B) each
+            shifts: (B,) each, of the samples' u and v
+            samples: (groups, S, 3), u, v and half
+        """
+        points = len(shifts[0])
+        side = samples.shape[1]
+        tiled = [np.tile(rows, (1, side)) for rows in normals]
+        for number, group in enumerate(samples):
+            u, v = (shifted(group[:, k, None], shifts[k]).reshape(-1) for k in (0, 1))
+            light = shoot(lamp, origins[number % len(origins)], tiled, u, v, visibility)
+            for sums, found in zip((self.total, self.arrived), light, strict=True):
+                for row, half in zip(found.reshape(side, points), group[:, 2].astype(np.int64), strict=True):
+                    sums[half] += row
+
+    def share(self) -> Float32:
+        """The part that arrives, (B,) float32 in 0..1; 1 where no sample has any light.
+
+        A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
+        """
+        return _share(self.arrived.sum(0), self.total.sum(0))
+
+    def variance(self) -> Float32:
+        """Variance (B,) of `share` if its samples were independent, told by two halves of them."""
+        one, two = (_share(self.arrived[half], self.total[half]) for half in (0, 1))
+        variance: Float32 = np.square((one - two) * np.float32(0.5))
+        return variance
 
 
 def _share(part: Float32, whole: Float32) -> Float32:
@@ -145,79 +162,128 @@ def _share(part: Float32, whole: Float32) -> Float32:
     return share
 
 
+def sample_groups(count: int, side: int) -> Float32:
+    """The lattice of `count` samples in groups of `side`: (count / side, side, 3) rows of u, v and half.
+
+    Member s of a group is a sample whose number is s modulo `side`, which is the stratum it starts from. Where the
+    count allows it, every `FIRST`-th sample comes first: a smaller lattice, which every stratum shares in.
+    """
+    number = np.arange(count)
+    late = number % FIRST > 0 if stages(count) > 1 else np.zeros(count, bool)
+    order = np.lexsort((number, late, number % side)).reshape(side, -1).T
+    half = number // STRATA % 2  # both halves go through all strata of the footprint
+    rows: Float32 = np.concatenate([lattice(count), half[:, None]], axis=1).astype(np.float32)
+    return rows[order]
+
+
+def stages(count: int) -> int:
+    """In how many goes `count` samples are traced."""
+    return 2 if count % (FIRST * STRATA) == 0 else 1
+
+
 def trace_partly(
     lamp: Lamp,
     texels: Texels,
     partly: Int64,
+    lit: Bools,
     ratio: Float32,
     noise: Float32,
     visibility: Visibility,
     count: int,
     workers: int,
-) -> Fractions[list[None]]:
-    """Trace `count` shadow rays from each of the texels `partly`: the share seen to `ratio`, its variance to `noise`.
+) -> Fractions[Int64]:
+    """Trace up to `count` shadow rays from each of the texels `partly`: share seen to `ratio`, its variance to `noise`.
+
+    A first third of the rays shows where a texel and all those around it agree; only the others trace the rest.
 
     Args:
         partly: (N,) int64
+        lit: (T,) bool, texels that the unshadowed lamp shines on
         ratio, noise: (T,) float32, written at `partly`
+    Returns:
+        the texels of a penumbra, those that have traced all rays
     """
     rays = round(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
-    distinct = STRATA if lamp.extended else rays
+    groups = sample_groups(rays, STRATA)
+    early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
+    tally = Tally.none(len(partly))
 
-    def work(start: int, stop: int) -> None:
-        receivers = Receivers.of(texels, partly[start:stop])
-        origins = [receivers.origins(texels, k) for k in range(distinct)]
-        seen, variance = visible_share(lamp, origins, receivers.normals, receivers.shifts, rays, visibility)
-        ratio[receivers.ids] = seen
-        noise[receivers.ids] = variance * np.float32(lamp.unevenness)
+    def trace(chosen: Int64, first: int, last: int) -> Fractions[list[None]]:
+        def work(start: int, stop: int) -> None:
+            part = chosen[start:stop]
+            receivers = Receivers.of(texels, partly[part])
+            places = range(first, last) if not lamp.extended else range(1)
+            origins = [receivers.origins(texels, STRATA * k, STRATA) for k in places]
+            own = Tally.none(len(part))
+            own.add(lamp, origins, receivers.normals, receivers.shifts, groups[first:last], visibility)
+            tally.total[:, part] += own.total
+            tally.arrived[:, part] += own.arrived
 
-    return in_chunks(work, len(partly), TRACE_CHUNK, workers)
+        return in_chunks(work, len(chosen), TRACE_CHUNK, workers)
+
+    chosen = np.arange(len(partly))
+    yield from scaled(trace(chosen, 0, early), 0, early / len(groups))
+    ratio[partly] = tally.share()
+    if early < len(groups):
+        seen = ((ratio > 0).view(np.uint8) + (ratio == 1).view(np.uint8)) * lit.view(np.uint8)
+        sums = yield from scaled(pooled(seen, 2 * lit.view(np.uint8), texels, 1, workers), 0.3, 0.3)
+        chosen = np.flatnonzero(sums.disagree()[partly])
+        yield from scaled(trace(chosen, early, len(groups)), early / len(groups), 1)
+        ratio[partly] = tally.share()
+    noise[partly] = tally.variance() * np.float32(lamp.unevenness)
+    return partly[chosen]
 
 
-def pool_probes(
-    seen: Bytes,
-    shot: Bytes,
-    texels: Texels,
-    ratio: Float32,
-    workers: int,
-) -> Fractions[list[Int64]]:
-    """Decide from the probes of each 5 x 5 neighbourhood on a page who is lit.
+@dataclass(frozen=True, eq=False)
+class Pooled:
+    """Sums over the squares of pixels about each texel.
+
+    Attributes:
+        seen, shot: (T,) uint8, samples that reached a lamp, and all samples
+    """
+
+    seen: Bytes
+    shot: Bytes
+
+    def disagree(self) -> Bools:
+        """(T,) bool, where some samples reached the lamp and some did not."""
+        mixed: Bools = (self.seen < self.shot) & (self.seen > 0)
+        return mixed
+
+
+def pooled(seen: Bytes, shot: Bytes, texels: Texels, reach: int, workers: int) -> Fractions[Pooled]:
+    """Sum samples over squares of `2 reach + 1` pixels of a page.
 
     Args:
-        seen, shot: (T,) uint8, probes that reached the lamp, and all probes
-        ratio: (T,) float32, set to 0 for the fully shadowed and to 1 for the others
-    Returns:
-        texels that are partly lit, in chunks; a texel whose light no probe could try is one of them
+        seen, shot: (T,) uint8, samples that reached the lamp, and all samples
     """
     size = texels.size
     bands = -(-size // BAND)
+    sums = Pooled(np.empty_like(seen), np.empty_like(shot))
 
-    def work(start: int, stop: int) -> Int64:
+    def work(start: int, stop: int) -> None:
         page, band = divmod(start, bands)
         first, last = band * BAND, min((band + 1) * BAND, size)
-        low, high = max(first - POOL, 0), min(last + POOL, size)
+        low, high = max(first - reach, 0), min(last + reach, size)
         base = page * size * size
         ends = np.searchsorted(texels.pixel, [base + row * size for row in (low, first, last, high)])
         place = texels.pixel[ends[0] : ends[3]] - (base + low * size)
-        sums = []
-        for counts in (seen, shot):
+        own = slice(ends[1] - ends[0], ends[2] - ends[0])
+        for counts, total in ((seen, sums.seen), (shot, sums.shot)):
             image = np.zeros((high - low) * size, np.uint8)
             image[place] = counts[ends[0] : ends[3]]
-            sums.append(_box_sum(image.reshape(-1, size)).reshape(-1)[place[ends[1] - ends[0] : ends[2] - ends[0]]])
-        own = slice(ends[1], ends[2])
-        ratio[own] = (sums[0] > 0) | (sums[1] == 0)
-        partly: Int64 = ends[1] + np.flatnonzero((sums[0] < sums[1]) & (sums[0] > 0))
-        return partly
+            total[ends[1] : ends[2]] = _box_sum(image.reshape(-1, size), reach).reshape(-1)[place[own]]
 
-    return in_chunks(work, texels.page_count * bands, 1, workers)
+    yield from in_chunks(work, texels.page_count * bands, 1, workers)
+    return sums
 
 
-def _box_sum(image: Bytes) -> Bytes:
-    """Sums over squares of 2 POOL + 1 pixels; uint8 holds 25 times 10 probes."""
+def _box_sum(image: Bytes, reach: int) -> Bytes:
+    """Sums over squares of 2 reach + 1 pixels; uint8 holds 25 times 10 probes."""
     for axis in (0, 1):
         total = image.copy()
         ahead, behind = np.moveaxis(total, axis, 0), np.moveaxis(image, axis, 0)
-        for step in range(1, POOL + 1):
+        for step in range(1, reach + 1):
             ahead[step:] += behind[:-step]
             ahead[:-step] += behind[step:]
         image = total
