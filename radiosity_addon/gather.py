@@ -8,71 +8,19 @@ steps from corners. All light groups and channels are further columns of the sam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from .arrays import Bools, Float32, Int32
+from .arrays import Bools, Float32
 from .chunks import Fractions, scaled
 from .gather_points import place_points
 from .gather_rays import GatherRays
+from .illumination import Illumination
 from .irradiance_fit import fit_irradiance
 from .neighbours import find_neighbours
 from .patches import Patches
 from .settings import BakeSettings
 from .texels import Texels
 from .visibility import Visibility
-
-SPECIAL_ROWS = 3
-"""Rows at the end of the radiance table for rays that met no element: BELOW, NOTHING and SKY, found by -3, -2, -1."""
-
-
-@dataclass(frozen=True, eq=False)
-class Illumination:
-    """The light that rays read. G light groups.
-
-    Attributes:
-        reflectance: (T, 3) float32
-        emission: (T, 3) float32, W/(m2 sr), of emitters that are not sampled as lamps
-        emission_group: (T,) light group of the emission
-        direct: (T, G, 3) float32, W/m2, from lamps
-        patch_irradiance: (N, G, 3), W/m2, of patches, from other patches and the sky
-        patch_radiosity: (N, G, 3), W/m2
-        world: (G, 3) float32, W/(m2 sr), seen by rays that leave
-    """
-
-    reflectance: Float32
-    emission: Float32
-    emission_group: Int32
-    direct: Float32
-    patch_irradiance: Float32
-    patch_radiosity: Float32
-    world: Float32
-
-    def radiance(self, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None) -> Float32:
-        """What each element sends out, (T + N + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
-
-        Args:
-            indirect: (P, 3 G) indirect irradiance at gather points, or None to take the patches' everywhere
-            at: (T,) gather point of each texel, -1 for none; goes with `indirect`
-        """
-        count, groups = len(self.direct), self.direct.shape[1]
-        table = np.zeros((count + patches.count + SPECIAL_ROWS, groups, 3), np.float32)
-        for start in range(0, count, 1 << 16):
-            part = slice(start, min(start + (1 << 16), count))
-            patch = patches.of_element[part]
-            received = self.patch_irradiance[np.maximum(patch, 0)].astype(np.float32)
-            if indirect is not None and at is not None:
-                fine = at[part] >= 0
-                received[fine] = indirect[at[part][fine]].reshape(-1, groups, 3)
-            received += self.direct[part]
-            received *= (self.reflectance[part] / np.float32(np.pi))[:, None, :]
-            received[patch < 0] = 0
-            received[np.arange(len(patch)), self.emission_group[part]] += self.emission[part]
-            table[part] = received
-        table[count : count + patches.count] = self.patch_radiosity / np.pi
-        table[-1] = self.world
-        return table.reshape(len(table), -1)
 
 
 def final_gather(

@@ -149,7 +149,8 @@ def _cells(texels: Texels, chosen: Int64, width: float, thickness: float) -> _Ce
     layer = np.rint(height / np.float32(thickness)).astype(np.int64)
     if layer.any():
         members, begin, size = _grouped(members, mixed_radix(owner, layer))
-        normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) / size[:, None]
+        share = (1 / size[:, None]).astype(np.float32)
+        normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
     return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - SPLIT_BEND)
 
 

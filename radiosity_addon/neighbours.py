@@ -82,7 +82,7 @@ def find_neighbours(
     def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
         cell, point, gap, distance = jobs[start].pairs()
         narrower = np.minimum(points.width[point], points.width[cell])
-        beyond = (distance - np.float32(CELL_RADIUS) * points.width[cell]) / narrower
+        beyond = np.asarray((distance - np.float32(CELL_RADIUS) * points.width[cell]) / narrower, np.float32)
         facing = np.einsum("ij,ij->i", normal[cell], normal[point])
         height = np.abs(np.einsum("ij,ij->i", gap, normal[cell] + normal[point])) / 2
         alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
@@ -129,8 +129,8 @@ def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
     The chord of an arc between normals at an angle t sags by distance * tan(t / 4) / 2.
     """
     sag = np.sqrt(np.maximum(1 - cosine, 0) / 8) / 2  # about t / 8
-    height: Float32 = distance * (sag * np.float32(1.2) + np.float32(CLEARANCE)) + np.float32(offset)
-    return height[:, None]
+    height = distance * (sag * np.float32(1.2) + np.float32(CLEARANCE)) + np.float32(offset)
+    return np.asarray(height[:, None], np.float32)
 
 
 @dataclass(frozen=True, eq=False)

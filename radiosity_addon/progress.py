@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
-    from .bake import Progress
+    from .stages import Progress
 
 BAR_WIDTH = 24
 REDRAW_SECONDS = 0.1

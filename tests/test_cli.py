@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from radiosity_addon import cli, progress
-from radiosity_addon.bake import Progress
+from radiosity_addon.stages import Progress
 from radiosity_addon.errors import SceneError
 from radiosity_addon.progress import Meter, describe, duration, short_count
 

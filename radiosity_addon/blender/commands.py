@@ -24,9 +24,9 @@ from .render_picture import render_picture
 from .revert import revert as take_out_of
 
 if TYPE_CHECKING:
-    from ..bake import Progress
     from ..cli import Verb
     from ..progress import Meter
+    from ..stages import Progress
 
 BYTES_PER_TEXEL = 100
 """What a bake keeps of each texel of its pages, at most."""

@@ -13,12 +13,13 @@ from typing import Literal
 
 import bpy
 
-from ..bake import Baked, Progress, bake
+from ..bake import Baked, bake
 from ..errors import SceneError
 from ..files import Transaction, page_paths
 from ..image import write_exr
 from ..report import BakedObject, Page, Report
 from ..settings import BakeSettings
+from ..stages import Progress
 from .extract import extract_scene
 from .write_back import write_back
 

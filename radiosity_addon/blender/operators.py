@@ -10,12 +10,12 @@ from typing import ClassVar
 
 import bpy
 
-from ..bake import Progress
 from ..chunks import finish
 from ..errors import BakeError
 from ..files import Transaction
 from ..progress import describe
 from ..report import Report
+from ..stages import Progress
 from .job import Job, bake_scene
 from .names import is_baked
 from .revert import revert

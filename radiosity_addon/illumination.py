@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light that leaves surfaces: before the first bounce, and as gather rays read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Bools, Float32, Float64, Int32
+from .lights import Lamps, irradiance_at
+from .patches import Patches
+from .scene import Scene
+from .texels import Texels
+from .visibility import Visibility
+
+BACK_SAMPLES = 4
+"""Points at which the direct light on the back of a patch is taken."""
+
+SPECIAL_ROWS = 3
+"""Rows at the end of the radiance table for rays that met no element: BELOW, NOTHING and SKY, found by -3, -2, -1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """How texels look by themselves.
+
+    Attributes:
+        reflectance: (T, 3) float32
+        emission: (T, 3) float32, W/(m2 sr), of emitters that are not sampled as lamps
+        group: (T,) int32, light group of the emission
+    """
+
+    reflectance: Float32
+    emission: Float32
+    group: Int32
+
+
+def appearance_of(scene: Scene, texels: Texels, sampled: Bools) -> Appearance:
+    """How texels look; triangles `sampled` (F,) as lamps do not glow as well, so that nothing counts twice."""
+    triangle = texels.triangle[:, 0]
+    material = texels.surfaces.material[triangle]
+    emission = np.array([entry.emission for entry in scene.materials], np.float32)[material]
+    emission[sampled[triangle]] = 0
+    return Appearance(
+        reflectance=np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
+        emission=emission,
+        group=np.array([entry.group for entry in scene.materials], np.int32)[material],
+    )
+
+
+def world_radiance(scene: Scene) -> Float32:
+    """Radiance (G, 3) of the world in each light group."""
+    radiance = np.zeros((len(scene.groups), 3), np.float32)
+    radiance[scene.world.group] = scene.world.radiance
+    return radiance
+
+
+def first_exitance(
+    patches: Patches,
+    look: Appearance,
+    direct: Float32,
+    sky: Float64,
+    lamps: Lamps,
+    visibility: Visibility,
+    groups: int,
+) -> Float64:
+    """What each patch sends out before any bounce (N, G, 3), W/m2: own light, and reflected light of lamps and sky."""
+    exitance = patches.mean(direct * look.reflectance[:, None, :])
+    backs = np.flatnonzero(patches.sides < 0)
+    received = np.zeros((len(backs), groups, 3))
+    for sample in range(BACK_SAMPLES):
+        points, normals = patches.origins(backs, np.full(len(backs), sample))
+        received += irradiance_at(
+            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups
+        )
+    exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
+    exitance += sky * patches.reflectance[:, None, :]
+    emitted = patches.emission > 0
+    group = np.zeros(patches.count, np.int32)
+    front = patches.of_element[: patches.texels.count]
+    group[front[front >= 0]] = look.group[front >= 0]
+    back = patches.back
+    group[back[back >= 0]] = look.group[back >= 0]
+    exitance[np.arange(patches.count), group] += np.where(emitted, patches.emission, 0)
+    return exitance
+
+
+@dataclass(frozen=True, eq=False)
+class Illumination:
+    """The light that rays read. G light groups.
+
+    Attributes:
+        look: reflectance and own light of texels
+        direct: (T, G, 3) float32, W/m2, from lamps
+        patch_irradiance: (N, G, 3), W/m2, of patches, from other patches and the sky
+        patch_radiosity: (N, G, 3), W/m2
+        world: (G, 3) float32, W/(m2 sr), seen by rays that leave
+    """
+
+    look: Appearance
+    direct: Float32
+    patch_irradiance: Float32
+    patch_radiosity: Float32
+    world: Float32
+
+    def radiance(self, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None) -> Float32:
+        """What each element sends out, (T + N + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
+
+        Args:
+            indirect: (P, 3 G) indirect irradiance at gather points, or None to take the patches' everywhere
+            at: (T,) gather point of each texel, -1 for none; goes with `indirect`
+        """
+        count, groups = len(self.direct), self.direct.shape[1]
+        table = np.zeros((count + patches.count + SPECIAL_ROWS, groups, 3), np.float32)
+        for start in range(0, count, 1 << 16):
+            part = slice(start, min(start + (1 << 16), count))
+            patch = patches.of_element[part]
+            received = self.patch_irradiance[np.maximum(patch, 0)].astype(np.float32)
+            if indirect is not None and at is not None:
+                fine = at[part] >= 0
+                received[fine] = indirect[at[part][fine]].reshape(-1, groups, 3)
+            received += self.direct[part]
+            received *= (self.look.reflectance[part] / np.float32(np.pi))[:, None, :]
+            received[patch < 0] = 0
+            received[np.arange(len(patch)), self.look.group[part]] += self.look.emission[part]
+            table[part] = received
+        table[count : count + patches.count] = self.patch_radiosity / np.pi
+        table[-1] = self.world
+        return table.reshape(len(table), -1)

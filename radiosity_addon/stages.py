@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a bake is, and what its stages took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TypeVar
+
+from .visibility import Visibility
+
+T = TypeVar("T")
+
+STAGES = {
+    "Unwrap": 0.1,
+    "Texels": 0.06,
+    "Direct light": 0.28,
+    "Transport": 0.14,
+    "Radiosity": 0.05,
+    "Gather": 0.34,
+    "Pages": 0.03,
+}
+"""Stages and their usual shares of the time."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a bake is.
+
+    Attributes:
+        stage: what is being done
+        fraction: of the whole bake, 0..1, an estimate
+        residual: unshot share of the emitted power, once known; 1 before
+        rays: traced so far
+    """
+
+    stage: str
+    fraction: float
+    residual: float = 1.0
+    rays: int = 0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A finished stage: its name, seconds it took and rays it traced."""
+
+    name: str
+    seconds: float
+    rays: int
+
+
+class StageLog:
+    """Where a bake is, and what its stages took."""
+
+    def __init__(self) -> None:
+        self.stages: list[Stage] = []
+        self.visibility: Visibility | None = None
+        self.residual = 1.0
+        self._before = 0.0
+        self._start = time.perf_counter()
+        self._rays = 0
+
+    @property
+    def rays(self) -> int:
+        return self.visibility.rays if self.visibility else 0
+
+    def stage(self, name: str, steps: Generator[float, None, T]) -> Generator[Progress, None, T]:
+        """Run a stage; its time is all that passed since the last one ended."""
+        share, done = STAGES[name], 0.0
+        try:
+            yield Progress(name, self._before, self.residual, self.rays)
+            while True:
+                try:
+                    done = max(done, next(steps))
+                except StopIteration as stop:
+                    result: T = stop.value
+                    break
+                yield Progress(name, self._before + share * min(done, 1.0), self.residual, self.rays)
+        finally:
+            steps.close()
+        self._before += share
+        now = time.perf_counter()
+        self.stages.append(Stage(name, now - self._start, self.rays - self._rays))
+        self._start, self._rays = now, self.rays
+        return result
