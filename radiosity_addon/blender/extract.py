@@ -18,7 +18,7 @@ from .lamps import read_lamp
 from .materials import read_material, read_world
 from .names import is_stand_in, original_material
 from .nodes import LinkCycle
-from .preflight import check_can_carry, check_memory, check_size, finite_matrix, is_flat
+from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
 
@@ -159,6 +159,7 @@ class _Reading:
         thing, original = item.object, item.object.original
         if is_stand_in(original):
             return
+        check_is_there(original)
         if not item.show_self:
             self.skipped.setdefault(thing.name, "only its instances are rendered")
             return

@@ -23,16 +23,24 @@ TRIANGLE_BYTES = 300
 MAX_UV_MAPS = 8
 
 
+def check_is_there(thing: bpy.types.Object) -> None:
+    """Whether an object was found when its file was read; Blender puts an empty one in its place.
+
+    Raises:
+        SceneError: its library, or that of its data, is missing
+    """
+    if getattr(thing, "is_missing", False) or getattr(thing.data, "is_missing", False):
+        raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
+
+
 def check_can_carry(thing: bpy.types.Object) -> None:
     """Whether a lightmap can be put on an object.
 
     Raises:
-        SceneError: it is linked or missing, or its uv maps leave no room
+        SceneError: it is linked, or its uv maps leave no room
     """
     data = thing.data
     local = "Make it local, or set it to only shadow and bounce light"
-    if getattr(thing, "is_missing", False) or getattr(data, "is_missing", False):
-        raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
     if not thing.is_editable:
         raise SceneError(thing.name, "it is linked from another file", local)
     if not data.is_editable and thing.override_library is None:
