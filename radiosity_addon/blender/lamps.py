@@ -30,7 +30,7 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
         warn: hears what had to be approximated
 
     Raises:
-        SceneError: its power is not finite
+        SceneError: its power, size or angle is not finite
         LinkCycle: its node tree feeds back into itself
     """
     light = lamp.data
@@ -47,7 +47,16 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
         warn("its light linking is not followed, it lights everything")
     if power.min() < 0:
         warn("has negative power and takes light away")
-    return READERS[light.type](lamp, light, power, matrix, group, warn)
+    found = READERS[light.type](lamp, light, power, matrix, group, warn)
+    if found is not None and not _is_finite(found):
+        raise SceneError(
+            f"Lamp {lamp.name!r}", "its size or an angle is not a finite number", "Give it a finite size and shape"
+        )
+    return found
+
+
+def _is_finite(light: Light) -> bool:
+    return all(np.isfinite(value).all() for value in vars(light).values() if not isinstance(value, str))
 
 
 def _power(light: bpy.types.Light, warn: Warn) -> Float64:
