@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from .errors import BakeError, SceneError
+from .errors import BakeError, OutputError, SceneError
 from .progress import Meter, short_count
 from .settings import QUALITIES, BakeSettings
 
@@ -173,7 +173,22 @@ def _verb(options: argparse.Namespace, opened: str | None) -> Verb:
         if given.get(name) is not None:
             given[name] = given[name].absolute()
     given["object"] = tuple(given.get("object", ()))
-    return Verb(name=given.pop("verb"), scene=scene.absolute(), **given)
+    verb = Verb(name=given.pop("verb"), scene=scene.absolute(), **given)
+    _check_apart(verb)
+    return verb
+
+
+def _check_apart(verb: Verb) -> None:
+    """Whether no file would replace another one of the same bake, or the scene by something that is none.
+
+    Raises:
+        OutputError: two names are one file
+    """
+    taken = {path.resolve() for path in (verb.scene, verb.output) if path}
+    for path in filter(None, (verb.report, verb.render)):
+        if path.resolve() in taken:
+            raise OutputError(str(path), "another file of this bake has this name", "Choose another file name")
+        taken.add(path.resolve())
 
 
 def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
