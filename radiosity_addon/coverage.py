@@ -194,10 +194,10 @@ def beside_charts(
         offset_x, offset_y = x + 0.5 - from_x, y + 0.5 - from_y
         length2 = np.maximum(delta_x**2 + delta_y**2, 1e-20)
         t = np.clip((offset_x * delta_x + offset_y * delta_y) / length2, 0, 1)
-        gap_x, gap_y = offset_x - t * delta_x, offset_y - t * delta_y
-        near = np.flatnonzero(np.maximum(np.abs(gap_x), np.abs(gap_y)) < 1)
+        gap = (offset_x - t * delta_x) ** 2 + (offset_y - t * delta_y) ** 2
+        near = np.flatnonzero(_within_one(offset_x, offset_y, delta_x, delta_y))
         piece = piece[near]
-        return pixel[near], (gap_x**2 + gap_y**2)[near], own[piece], t0[piece] + t[near] * step[piece]
+        return pixel[near], gap[near], own[piece], t0[piece] + t[near] * step[piece]
 
     parts = yield from in_chunks(widen, len(edge), PIECES, workers)
     if not parts:
@@ -215,6 +215,17 @@ def beside_charts(
     inward = np.minimum(0.3, INSET / np.maximum(to_centre, 1e-9))[:, None]
     full = full * (1 - inward) + inward / 3
     return Border(pixel, triangle.astype(np.int32), full[:, 1:].astype(np.float32))
+
+
+def _within_one(x: Float64, y: Float64, delta_x: Float64, delta_y: Float64) -> Bools:
+    """Whether the segment (0, 0) to (delta_x, delta_y) meets the open square of half width 1 about (x, y)."""
+    enter, leave = np.zeros(len(x)), np.ones(len(x))
+    for place, delta in ((x, delta_x), (y, delta_y)):
+        inverse = 1 / np.where(np.abs(delta) > 1e-12, delta, 1e-12)
+        a, b = (place - 1) * inverse, (place + 1) * inverse
+        np.maximum(enter, np.minimum(a, b), out=enter)
+        np.minimum(leave, np.maximum(a, b), out=leave)
+    return np.asarray(enter <= leave)
 
 
 def _first_of_each(pixel: Int64, gap: Float64) -> Int64:

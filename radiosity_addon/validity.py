@@ -23,10 +23,10 @@ CHUNK = 1 << 15
 
 
 def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) -> Bools:
-    """(F,) bool: triangles that bound a solid: a closed surface that no lamp stands inside.
+    """(F,) bool: triangles that bound a solid: a closed surface, facing outward, that no lamp stands inside.
 
-    No light reaches the inside of such a surface. A closed surface around a lamp is a room instead, whichever way
-    its normals point, and whatever open surfaces stand between.
+    No light reaches the inside of such a surface. A closed surface around a lamp is a room instead, whatever open
+    surfaces stand between; one that faces inward is a room seen from within.
     """
     closed = np.flatnonzero(surfaces.closed)
     if not len(closed):
@@ -54,25 +54,37 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     pairs, seen = np.unique(np.stack([source, around], axis=1), axis=0, return_counts=True)
     needed = np.where(pairs[:, 0] < count, LAMP_RAYS // 2, 3)
     rooms = pairs[seen >= needed, 1]
-    return surfaces.closed & ~np.isin(surfaces.component, rooms)
+    return surfaces.closed & _facing_outward(surfaces) & ~np.isin(surfaces.component, rooms)
+
+
+def _facing_outward(surfaces: Surfaces) -> Bools:
+    """(F,) bool: the triangle's component, if closed, encloses a positive volume."""
+    a, b, c = np.moveaxis(surfaces.corners.astype(np.float64), 1, 0)
+    volume = np.bincount(surfaces.component, weights=np.einsum("fi,fi->f", a, np.cross(b, c)), minlength=1)
+    return np.asarray(volume[surfaces.component] > 0)
 
 
 def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers: int) -> Fractions[Bools]:
     """(T, 4) bool: strata from which the ray along the normal meets a solid from behind.
 
     The rays see solids alone: a floor and the ceiling above it, with a wall through both, would hide the wall's inside.
+    Closed surfaces that face inward are seen too: they are the hollows of solids.
     One stratum of each texel is asked first; all four where a texel of the 3 x 3 neighbourhood is inside.
     """
     inside = np.zeros((texels.count, STRATA), bool)
     if not solid.any():
         return inside
-    solids = Visibility(texels.surfaces.corners[solid])
+    surfaces = texels.surfaces
+    shells = np.flatnonzero(solid | (surfaces.closed & ~_facing_outward(surfaces)))
+    bounding = solid[shells]
+    solids = Visibility(surfaces.corners[shells])
 
     def met(ids: Int64, slot: Int64) -> Bools:
-        origins = texels.origins(ids, slot)
-        directions: Float32 = texels.surfaces.normal[texels.triangle.reshape(-1)[ids * STRATA + slot]]
+        origins, triangle = texels.points(ids, slot)
+        directions: Float32 = surfaces.normals(triangle)
+        origins += directions * np.float32(surfaces.offset)
         hits = solids.first_hit(origins, directions)
-        return (hits.triangle >= 0) & ~hits.front
+        return (hits.triangle >= 0) & ~hits.front & bounding[hits.triangle]
 
     def first(start: int, stop: int) -> None:
         ids = np.arange(start, stop)

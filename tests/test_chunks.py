@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work in chunks: in order, bounded, cancelled when closed."""
+
+import threading
+import time
+
+import pytest
+
+from radiosity_addon.chunks import finish, in_chunks, scaled
+
+
+def shares(steps):
+    """Shares that a generator yields, and its result."""
+    seen = []
+    while True:
+        try:
+            seen.append(next(steps))
+        except StopIteration as stop:
+            return seen, stop.value
+
+
+def spans(start, stop):
+    return start, stop
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+def test_chunks_cover_the_work_in_order_whatever_the_threads(workers):
+    assert finish(in_chunks(spans, 10, 4, workers)) == [(0, 4), (4, 8), (8, 10)]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_results_come_in_order_even_if_later_chunks_end_first(workers):
+    def work(start, stop):
+        time.sleep(0.02 if start == 0 else 0)
+        return start
+
+    assert finish(in_chunks(work, 6, 1, workers)) == list(range(6))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_share_rises_to_one(workers):
+    seen, _ = shares(in_chunks(spans, 7, 2, workers))
+    assert seen == sorted(seen)
+    assert len(seen) == 4
+    assert seen[-1] == 1
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_no_work_gives_no_results(workers):
+    assert shares(in_chunks(spans, 0, 4, workers)) == ([], [])
+
+
+def test_closing_cancels_what_has_not_started():
+    ran = []
+
+    def work(start, stop):
+        time.sleep(0.01)
+        ran.append(start)
+
+    steps = in_chunks(work, 100, 1, 2)
+    next(steps)
+    steps.close()
+    done = len(ran)
+    assert done <= 6
+    time.sleep(0.05)
+    assert len(ran) == done
+
+
+def test_no_more_than_two_chunks_a_worker_wait_at_once():
+    started = []
+    gate = threading.Event()
+
+    def work(start, stop):
+        started.append(start)
+        if start:
+            gate.wait(5)
+
+    steps = in_chunks(work, 50, 1, 2)
+    next(steps)
+    time.sleep(0.05)
+    assert max(started) < 2 + 4
+    gate.set()
+    steps.close()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_in_a_chunk_reaches_the_caller(workers):
+    def work(start, stop):
+        if start == 3:
+            raise RuntimeError("third")
+
+    with pytest.raises(RuntimeError, match="third"):
+        finish(in_chunks(work, 9, 1, workers))
+
+
+def test_scaled_maps_shares_and_hands_the_result_on():
+    seen, result = shares(scaled(in_chunks(spans, 4, 2, 1), 0.2, 0.6))
+    assert seen == pytest.approx([0.4, 0.6])
+    assert result == [(0, 2), (2, 4)]
+
+
+def test_closing_scaled_closes_what_is_inside():
+    closed = []
+
+    def steps():
+        try:
+            yield 0.5
+            yield 1.0
+        finally:
+            closed.append(True)
+
+    outer = scaled(steps(), 0, 1)
+    next(outer)
+    outer.close()
+    assert closed == [True]
