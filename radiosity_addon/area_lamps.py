@@ -61,7 +61,7 @@ class PanelLamp(Lamp):
 
     @property
     def unevenness(self) -> float:
-        return 0.1 if len(self.ends) == 1 else 1.0
+        return super().unevenness if len(self.ends) == 1 else 1.0
 
     @property
     def hidden_share(self) -> float:

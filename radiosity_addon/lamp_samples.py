@@ -11,13 +11,16 @@ from typing import TypeAlias
 import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int64
-from .sampling import unit_interval
+from .sampling import hash_bits, unit_interval
 
 TINY = np.float32(1e-30)
 """Keeps 0 / 0 from arising; the numerator is then 0 as well."""
 
 Rows: TypeAlias = Sequence[Float32] | Float32
 """Vectors as three rows x, y, z, each (B,) or one number for all points."""
+
+EVEN = 0.8
+"""Lattices are used if their points keep this share of the largest distance that any lattice's points keep."""
 
 # Steps of (u, v) from a pixel to the next one along a row and along a column, found by a random search for the
 # largest least distance among the shifts of any 3 x 3 and 5 x 5 pixels (0.314 and 0.164 on the unit torus).
@@ -93,24 +96,41 @@ def outside(box: Float32, p: Float32) -> Bools:
 
 
 @lru_cache(maxsize=64)
+def generators(count: int) -> Float32:
+    """(G,) float32, the g of rank-1 lattices (k / n, k g / n) whose points keep a large distance, the largest first."""
+    k = np.arange(1, count)
+    found = []
+    for g in range(1, max(count, 2)):
+        if math.gcd(g, count) == 1:
+            steps = np.stack([k / count, (k * g % count) / count])
+            steps -= np.round(steps)
+            found.append((float(np.min((steps**2).sum(0), initial=1)), g))
+    least = EVEN**2 * max(distance for distance, _ in found)
+    chosen = sorted((-round(distance, 9), g) for distance, g in found if distance >= least)
+    result = np.array([g for _, g in chosen], np.float32)
+    result.flags.writeable = False
+    return result
+
+
 def lattice(count: int) -> Float32:
-    """(count, 2) float32 points of the rank-1 lattice (k / n, k g / n) whose points keep the largest distance.
+    """(count, 2) float32 points of the lattice whose points keep the largest distance.
 
     Every projection on u or v has `count` different values, so that straight shadow edges of any direction cut it
     evenly; any shift on the torus keeps that.
     """
     k = np.arange(count)
-    best, chosen = -1.0, 1
-    for g in range(1, count):
-        if math.gcd(g, count) == 1:
-            steps = np.stack([k[1:] / count, (k[1:] * g % count) / count])
-            steps -= np.round(steps)
-            least = float(np.min((steps**2).sum(0), initial=1))
-            if least > best + 1e-12:
-                best, chosen = least, g
-    points = np.stack([k / count, (k * chosen % count) / count], axis=1).astype(np.float32)
-    points.flags.writeable = False
-    return points
+    return np.stack([k / count, k * int(generators(count)[0]) % count / count], axis=1).astype(np.float32)
+
+
+def lattice_generators(ids: Int64, count: int) -> Float32:
+    """For each id one of the generators of lattices of `count` points, (R,) float32.
+
+    Each lattice lies on a few lines, and errs where a shadow's edge runs along them; that neighbours differ makes noise
+    of what would be stripes.
+    """
+    good = generators(count)
+    chosen: Float32 = good[hash_bits(ids) % np.uint32(len(good))]
+    return chosen
 
 
 @lru_cache(maxsize=4)

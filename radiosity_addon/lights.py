@@ -17,7 +17,7 @@ from .area_lamps import area_lamp
 from .arrays import Bools, Float32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .emitters import emissive_lamps
-from .lamp_samples import lattice, rows_of, shifted
+from .lamp_samples import lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .penumbra import smooth_penumbrae
 from .sampling import hash_uniform
@@ -104,7 +104,8 @@ def irradiance_at(
                 tally = Tally.none(len(lit))
                 chosen = shifts[0][lit], shifts[1][lit]
                 facing = [rows_of(normals[part][lit])]
-                tally.add(lamp, origins, facing, chosen, sample_groups(rays, side), visibility)
+                slopes = lattice_generators(seed_ids[part][lit], rays)
+                tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
                 light[lit] *= tally.share()
             _add(total[part], lamp, light)
     return total

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Int64
 from .chunks import Fractions, in_chunks, scaled
-from .lamp_samples import cosine_above, lattice, normals_of, pixel_shifts, rows_of, shifted
+from .lamp_samples import cosine_above, lattice_generators, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
 from .texels import STRATA, Texels
 from .visibility import Visibility
@@ -106,15 +106,17 @@ class Tally:
     """What the samples of B points brought.
 
     Attributes:
-        total, arrived: (2, B) float32, light of each half of the samples, unshadowed and shadowed
+        total, arrived: (B,) float32, light of the samples, unshadowed and shadowed
+        squares: (B,) float32, squares of the unshadowed light
     """
 
     total: Float32
     arrived: Float32
+    squares: Float32
 
     @classmethod
     def none(cls, points: int) -> Tally:
-        return cls(np.zeros((2, points), np.float32), np.zeros((2, points), np.float32))
+        return cls(*np.zeros((3, points), np.float32))
 
     def add(
         self,
@@ -122,6 +124,7 @@ class Tally:
         origins: Sequence[Float32],
         normals: list[Float32],
         shifts: tuple[Float32, Float32],
+        generators: Float32,
         samples: Float32,
         visibility: Visibility,
     ) -> None:
@@ -131,39 +134,40 @@ class Tally:
             origins: (3, S * B) each, of S samples one after the other; groups of samples take them in turn
             normals: (3, B) each
             shifts: (B,) each, of the samples' u and v
-            samples: (groups, S, 3), u, v and half
+            generators: (B,) of the samples' lattices
+            samples: (groups, S, 1), u
         """
         points = len(shifts[0])
         side = samples.shape[1]
         tiled = [np.tile(rows, (1, side)) for rows in normals]
         for number, group in enumerate(samples):
-            u, v = (shifted(group[:, k, None], shifts[k]).reshape(-1) for k in (0, 1))
-            light = shoot(lamp, origins[number % len(origins)], tiled, u, v, visibility)
-            for sums, found in zip((self.total, self.arrived), light, strict=True):
-                for row, half in zip(found.reshape(side, points), group[:, 2].astype(np.int64), strict=True):
-                    sums[half] += row
+            u = shifted(group, shifts[0]).reshape(-1)
+            v = group * generators + shifts[1]
+            v -= np.floor(v)
+            light, arrived = shoot(lamp, origins[number % len(origins)], tiled, u, v.reshape(-1), visibility)
+            pairs = (self.total, light), (self.arrived, arrived), (self.squares, light * light)
+            for sums, found in pairs:
+                sums += found.reshape(side, points).sum(0)
 
     def share(self) -> Float32:
         """The part that arrives, (B,) float32 in 0..1; 1 where no sample has any light.
 
         A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
         """
-        return _share(self.arrived.sum(0), self.total.sum(0))
+        some = self.total > 0
+        share: Float32 = np.where(some, self.arrived / np.where(some, self.total, 1), np.float32(1))
+        return share
 
     def variance(self) -> Float32:
-        """Variance (B,) of `share` if its samples were independent, told by two halves of them."""
-        one, two = (_share(self.arrived[half], self.total[half]) for half in (0, 1))
-        variance: Float32 = np.square((one - two) * np.float32(0.5))
+        """Variance (B,) of `share`, were its samples independent: it is binomial, and uneven samples count as fewer."""
+        share = self.share()
+        variance: Float32 = share * (1 - share) * self.squares
+        variance /= np.where(self.total > 0, self.total, 1) ** 2
         return variance
 
 
-def _share(part: Float32, whole: Float32) -> Float32:
-    share: Float32 = np.where(whole > 0, part / np.where(whole > 0, whole, 1), np.float32(1))
-    return share
-
-
 def sample_groups(count: int, side: int) -> Float32:
-    """The lattice of `count` samples in groups of `side`: (count / side, side, 3) rows of u, v and half.
+    """The lattice of `count` samples in groups of `side`: (count / side, side, 1), u.
 
     Member s of a group is a sample whose number is s modulo `side`, which is the stratum it starts from. Where the
     count allows it, every `FIRST`-th sample comes first: a smaller lattice, which every stratum shares in.
@@ -171,9 +175,8 @@ def sample_groups(count: int, side: int) -> Float32:
     number = np.arange(count)
     late = number % FIRST > 0 if stages(count) > 1 else np.zeros(count, bool)
     order = np.lexsort((number, late, number % side)).reshape(side, -1).T
-    half = number // STRATA % 2  # both halves go through all strata of the footprint
-    rows: Float32 = np.concatenate([lattice(count), half[:, None]], axis=1).astype(np.float32)
-    return rows[order]
+    groups: Float32 = (order[:, :, None] / count).astype(np.float32)
+    return groups
 
 
 def stages(count: int) -> int:
@@ -206,6 +209,7 @@ def trace_partly(
     rays = round(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
     groups = sample_groups(rays, STRATA)
     early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
+    slopes = lattice_generators(texels.pixel[partly], rays)
     tally = Tally.none(len(partly))
 
     def trace(chosen: Int64, first: int, last: int) -> Fractions[list[None]]:
@@ -215,9 +219,10 @@ def trace_partly(
             places = range(first, last) if not lamp.extended else range(1)
             origins = [receivers.origins(texels, STRATA * k, STRATA) for k in places]
             own = Tally.none(len(part))
-            own.add(lamp, origins, receivers.normals, receivers.shifts, groups[first:last], visibility)
-            tally.total[:, part] += own.total
-            tally.arrived[:, part] += own.arrived
+            own.add(lamp, origins, receivers.normals, receivers.shifts, slopes[part], groups[first:last], visibility)
+            tally.total[part] += own.total
+            tally.arrived[part] += own.arrived
+            tally.squares[part] += own.squares
 
         return in_chunks(work, len(chosen), TRACE_CHUNK, workers)
 
