@@ -164,11 +164,11 @@ def _area(
 
 def spread_gain(spread: float) -> float:
     """How much brighter on its axis a lamp gets by a narrower spread (radians), as Cycles keeps its power."""
-    half = spread / 2
+    half = max(spread / 2, 1e-3)
     if half > 1.57:  # the tangent of a right angle
         return 1.0
     if half < 0.05:  # tan(x) - x by its series, where it cancels
-        return 3 * tan(half) / max(half, 1e-3) ** 3
+        return 3 * tan(half) / half**3
     return tan(half) / (tan(half) - half)
 
 
