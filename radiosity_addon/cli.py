@@ -19,7 +19,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from .errors import BakeError, OutputError, SceneError
+from .errors import BakeError, OutputError, SceneError, explained
 from .progress import Meter, short_count
 from .settings import QUALITIES, BakeSettings
 
@@ -70,20 +70,13 @@ def main(argv: Sequence[str] | None = None, opened: str | None = None) -> int:
     try:
         with _interruptible():
             _run(_verb(options, opened), options.scene is None, meter)
-    except BakeError as error:
-        return _fail(meter, f"error: {error}")
-    except MemoryError:
-        return _fail(meter, "error: Memory: this bake needs more than there is. Lower the page size or the density.")
     except KeyboardInterrupt:
         _fail(meter, "interrupted; all files are as they were")
         return INTERRUPTED
-    except Exception as error:  # noqa: BLE001 a defect of ours must not look like one of the scene's
-        if os.environ.get(TRACEBACK_VARIABLE):
+    except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line
+        if not isinstance(error, BakeError) and os.environ.get(TRACEBACK_VARIABLE):
             traceback.print_exc()
-        cause = f"{type(error).__name__}: {error}".splitlines()[0]
-        return _fail(
-            meter, f"internal error: {cause}. Please report it; {TRACEBACK_VARIABLE}=1 shows where it happened."
-        )
+        return _fail(meter, f"error: {explained(error)}")
     return DONE
 
 

@@ -28,3 +28,12 @@ class SettingsError(BakeError):
 
 class OutputError(BakeError):
     """A file or datablock can't be written."""
+
+
+def explained(error: Exception) -> str:
+    """One line for the user on any error: a defect of ours must not look like one of the scene's."""
+    if isinstance(error, BakeError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "Memory: this bake needs more than there is. Lower the page size or the density."
+    return f"Internal error: {type(error).__name__}: {error}".splitlines()[0] + ". Please report it"

@@ -117,7 +117,8 @@ def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
     reach *= np.float32(GROWTH)
     reach += width
     reach = reach.min(1) * np.float32(REACH)
-    weight /= (reach * reach)[:, None]
+    with np.errstate(over="ignore"):  # what lies nowhere, in a scene of nanometres
+        weight /= (reach * reach)[:, None]
     np.subtract(1, weight, out=weight)
     np.maximum(weight, 0, out=weight)
     weight *= weight

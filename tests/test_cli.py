@@ -147,7 +147,7 @@ def test_a_defect_of_ours_is_one_line_that_says_so(
     failing_with(KeyError("page\nmore"), monkeypatch)
     assert cli.main(["info", str(blend)]) == 1
     error = capsys.readouterr().err
-    assert error.startswith("radiosity: internal error: KeyError")
+    assert error.startswith("radiosity: error: Internal error: KeyError")
     assert error.count("\n") == 1
 
 

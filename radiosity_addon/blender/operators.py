@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Generator
 from pathlib import Path
 from typing import ClassVar
@@ -11,7 +12,7 @@ from typing import ClassVar
 import bpy
 
 from ..chunks import finish
-from ..errors import BakeError
+from ..errors import BakeError, explained
 from ..files import Transaction
 from ..progress import describe
 from ..report import Report
@@ -61,9 +62,8 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             report = finish(bake_in_place(context.scene))
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line
+            return self._failed(error)
         return self._finished(report)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -92,10 +92,9 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         except StopIteration as stop:
             self.cancel(context)
             return self._finished(stop.value)
-        except BakeError as error:
+        except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line
             self.cancel(context)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self._failed(error)
         except BaseException:
             self.cancel(context)
             raise
@@ -112,6 +111,12 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         bpy.types.STATUSBAR_HT_header.remove(draw_progress)
         redraw(context)
+
+    def _failed(self, error: Exception) -> set[str]:
+        if not isinstance(error, BakeError):
+            traceback.print_exception(error)  # to the console, for the report of a defect
+        self.report({"ERROR"}, explained(error))
+        return {"CANCELLED"}
 
     def _finished(self, report: Report) -> set[str]:
         for warning in report.warnings:
