@@ -25,6 +25,8 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
     count = int(np.searchsorted(texels.pixel, page_count * size * size))
     pages: Float32 = np.zeros((page_count * size * size, 3), np.float32)
     known = np.zeros(len(pages), bool)
+    component = texels.surfaces.component
+    seen = np.zeros(int(component.max(initial=-1)) + 1, bool)
     for start in range(0, count, BLOCK):
         chosen = start + np.flatnonzero(texels.valid[start : min(start + BLOCK, count)])
         light = irradiance[chosen, 0]
@@ -33,6 +35,10 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
         light *= np.float32(1 / np.pi)
         pages[texels.pixel[chosen]] = light
         known[texels.pixel[chosen]] = True
+        seen[component[texels.triangle[chosen, 0]]] = True
+    hidden = np.flatnonzero(~texels.valid[:count])
+    buried = hidden[~seen[component[texels.triangle[hidden, 0]]]]
+    known[texels.pixel[buried]] = True  # a surface without a valid texel lies inside a solid, where it is dark
     close_seams(pages, known, texels)
     shape = (page_count, size, size)
     result = list(pages.reshape(*shape, 3))
@@ -53,21 +59,23 @@ def _grow(image: Float32, known: Bools) -> None:
     wanted[:, 1:] |= wide[:, :-1]
     wanted[:, :-1] |= wide[:, 1:]
     wanted &= ~known
-    pixel = np.flatnonzero(wanted)
-    row, column = pixel // width, pixel % width
+    pixel = np.flatnonzero(wanted).astype(np.int32)
     flat, there = image.reshape(-1, 3), known.reshape(-1)
-    total = np.zeros((len(pixel), 3), np.float32)
-    weight = np.zeros(len(pixel), np.float32)
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            if not dx and not dy:
-                continue
-            beside = np.clip(row + dy, 0, height - 1) * width + np.clip(column + dx, 0, width - 1)
-            met = np.flatnonzero(there[beside])
-            share = np.float32(0.5 if dx and dy else 1.0)
-            total[met] += flat[beside[met]] * share
-            weight[met] += share
-    flat[pixel] = total / weight[:, None]
+    mean = np.empty((len(pixel), 3), np.float32)
+    for start in range(0, len(pixel), BLOCK):
+        row, column = np.divmod(pixel[start : start + BLOCK], np.int32(width))
+        total = np.zeros((len(row), 3), np.float32)
+        weight = np.zeros(len(row), np.float32)
+        for dy in (-1, 0, 1):
+            line = np.minimum(np.maximum(row + np.int32(dy), 0), np.int32(height - 1)) * np.int32(width)
+            for dx in (-1, 0, 1):
+                beside = line + np.minimum(np.maximum(column + np.int32(dx), 0), np.int32(width - 1))
+                met = np.flatnonzero(there[beside])
+                share = np.float32(0.5 if dx and dy else 1.0)
+                total[met] += flat[beside[met]] * share
+                weight[met] += share
+        mean[start : start + BLOCK] = total / weight[:, None]
+    flat[pixel] = mean
     there[pixel] = True
 
 

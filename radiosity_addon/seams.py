@@ -22,10 +22,10 @@ SMOOTH = 0.97
 SAMPLES_A_TEXEL = 1.5
 """Places along a seam where both sides are compared."""
 
-KEEP = 0.02
+KEEP = 0.005
 """Weight of leaving texels as they are, against 1 for each comparison."""
 
-ITERATIONS = 12
+ITERATIONS = 10
 """Steps of the conjugate gradients: seams are short-ranged, so few suffice."""
 
 
@@ -35,26 +35,29 @@ class _Comparison:
 
     Attributes:
         pixel: (K,) int64, the pixels that take part
-        column: (S, 8) int64, into `pixel`
-        weight: (S, 8) float64
+        column: (8, S) int64, into `pixel`
+        weight: (8, S) float64
     """
 
     pixel: Int64
     column: Int64
     weight: Float64
 
-    def differences(self, values: Float64) -> Float64:
-        """Difference (S, C) between both sides of pixel values (K, C)."""
-        return np.asarray(np.einsum("sk,skc->sc", self.weight, values[self.column]))
+    def normal_product(self, values: Float64) -> Float64:
+        """A^T A x (C, K) of pixel values x (C, K), where A x are the differences between both sides."""
+        return np.stack([self._spread(self._differences(channel)) for channel in values])
 
-    def spread(self, differences: Float64) -> Float64:
-        """The transpose: (K, C) from (S, C)."""
-        flat = self.column.reshape(-1)
-        columns = [
-            np.bincount(flat, weights=(self.weight * channel[:, None]).reshape(-1), minlength=len(self.pixel))
-            for channel in differences.T
-        ]
-        return np.stack(columns, axis=1)
+    def _differences(self, channel: Float64) -> Float64:
+        difference = np.zeros(self.column.shape[1])
+        for column, weight in zip(self.column, self.weight, strict=True):
+            part = np.take(channel, column, mode="clip")
+            part *= weight
+            difference += part
+        return difference
+
+    def _spread(self, difference: Float64) -> Float64:
+        weights = (self.weight * difference).reshape(-1)
+        return np.bincount(self.column.reshape(-1), weights=weights, minlength=len(self.pixel))
 
 
 def close_seams(pages: Float32, known: Bools, texels: Texels) -> None:
@@ -67,22 +70,22 @@ def close_seams(pages: Float32, known: Bools, texels: Texels) -> None:
     compared = _compare(texels, known)
     if compared is None:
         return
-    values = pages[compared.pixel].astype(np.float64)
-    scale = np.maximum(np.abs(values).mean(0), 1e-12)
+    values = pages[compared.pixel].T.astype(np.float64)
+    scale = np.maximum(np.abs(values).mean(1), 1e-12)[:, None]
     values /= scale
     change = np.zeros_like(values)
-    residual = -compared.spread(compared.differences(values))
+    residual = -compared.normal_product(values)
     direction = residual.copy()
-    power = (residual**2).sum(0)
+    power = (residual**2).sum(1)
     for _ in range(ITERATIONS):
-        applied = compared.spread(compared.differences(direction)) + KEEP * direction
-        step = power / np.maximum((direction * applied).sum(0), 1e-30)
-        change += step * direction
-        residual -= step * applied
-        new = (residual**2).sum(0)
-        direction = residual + new / np.maximum(power, 1e-30) * direction
+        applied = compared.normal_product(direction) + KEEP * direction
+        step = power / np.maximum((direction * applied).sum(1), 1e-30)
+        change += step[:, None] * direction
+        residual -= step[:, None] * applied
+        new = (residual**2).sum(1)
+        direction = residual + (new / np.maximum(power, 1e-30))[:, None] * direction
         power = new
-    pages[compared.pixel] = np.maximum((values + change) * scale, 0)
+    pages[compared.pixel] = np.maximum((values + change) * scale, 0).T
 
 
 def _compare(texels: Texels, known: Bools) -> _Comparison | None:
@@ -107,12 +110,12 @@ def _compare(texels: Texels, known: Bools) -> _Comparison | None:
                 share_x = part[:, 0] if dx else 1 - part[:, 0]
                 share_y = part[:, 1] if dy else 1 - part[:, 1]
                 weights.append(sign * share_x * share_y)
-    table, weight = np.stack(pixels, axis=1), np.stack(weights, axis=1)
-    inside = table.max(1) < len(known)
-    inside[inside] &= known[table[inside]].all(1)
+    inside = np.ones(len(seam), bool)
+    for pixel in pixels:
+        inside &= known[np.minimum(pixel, len(known) - 1)] & (pixel < len(known))
     if not inside.any():
         return None
-    table, weight = table[inside], weight[inside]
+    table, weight = np.stack([pixel[inside] for pixel in pixels]), np.stack([part[inside] for part in weights])
     used = np.zeros(len(known), bool)
     used[table] = True
     pixel = np.flatnonzero(used)
