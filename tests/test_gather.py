@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The final gather, piece by piece: where rays go and what they count, where points stand, how texels are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from radiosity_addon.arrays import Float32, Int64
+from radiosity_addon.bake import bake
+from radiosity_addon.chunks import Fractions, finish
+from radiosity_addon.gather_points import GatherPoints, place_points
+from radiosity_addon.gather_rays import BELOW, Tally
+from radiosity_addon.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
+from radiosity_addon.irradiance_fit import OVERSHOOT, fit_irradiance
+from radiosity_addon.neighbours import NEIGHBOURS, Neighbours, find_neighbours
+from radiosity_addon.patches import NOTHING
+from radiosity_addon.scene import Material, Mesh, Scene
+from radiosity_addon.settings import BakeSettings
+from radiosity_addon.surfaces import flatten
+from radiosity_addon.texels import Texels, rasterize
+from radiosity_addon.visibility import Visibility
+from tests.shapes import box, cell_atlas, mesh_of, quad
+
+GREY = (Material("Grey"),)
+FAR = 100.0
+"""m; harmonic mean distance of a point in the open."""
+
+# guiding
+
+
+def test_directions_in_a_bin_belong_to_it() -> None:
+    rng = np.random.default_rng(1)
+    bins = np.repeat(np.arange(BINS), 8)
+    u, v = (0.001 + 0.998 * rng.random((2, len(bins)))).astype(np.float32)
+    directions = directions_in(bins, u, v)
+    assert np.abs(np.linalg.norm(directions, axis=1) - 1).max() < 1e-5
+    assert np.array_equal(direction_bins(directions), bins)
+
+
+def test_bins_are_of_equal_solid_angle() -> None:
+    rng = np.random.default_rng(2)
+    vectors = rng.normal(size=(400_000, 3))
+    directions = (vectors / np.linalg.norm(vectors, axis=1)[:, None]).astype(np.float32)
+    seen = np.bincount(direction_bins(directions), minlength=BINS)
+    mean = len(directions) / BINS
+    assert ((seen - mean) ** 2 / mean).sum() == pytest.approx(BINS - 1, abs=5 * np.sqrt(2 * BINS)), "chi squared"
+
+
+def test_a_histogram_of_light_is_a_density_over_the_sphere_and_a_dark_one_is_none() -> None:
+    groups = np.array([0, 0, 0, 2])
+    density = pool(groups, 3, np.array([5, 5, 300, 0]), np.float32([1, 2, 1, 4]))
+    total = density.sum(1) / BIN_DENSITY
+    assert total[[0, 2]] == pytest.approx(1, abs=0.05), "but for what the poles spread beyond"
+    assert total[1] == 0
+    assert density[0].argmax() == 5
+    assert density[0, 5] == pytest.approx(3 * density[0, 300], rel=1e-5)
+    assert density[2, 0] > density[2, TURNS - 1] > 0, "neighbours meet around the axis"
+
+
+def test_bins_are_drawn_in_proportion_to_their_density() -> None:
+    rng = np.random.default_rng(3)
+    density = (rng.random((4, BINS)) ** 8).astype(np.float32)
+    density *= BIN_DENSITY / density.sum(1, keepdims=True)
+    samples = 10_000
+    drawn = draw_bins(density, samples, 7)
+    for row, bins in enumerate(drawn):
+        expected = samples * density[row] / BIN_DENSITY
+        assert np.abs(np.bincount(bins, minlength=BINS) - expected).max() <= 1.01
+
+
+def test_rows_draw_the_same_bins_however_they_are_cut_into_chunks() -> None:
+    density = np.random.default_rng(4).random((6, BINS)).astype(np.float32)
+    density *= BIN_DENSITY / density.sum(1, keepdims=True)
+    parts = [draw_bins(density[start : start + 2], 50, 10 + start) for start in (0, 2, 4)]
+    assert np.array_equal(draw_bins(density, 50, 10), np.concatenate(parts))
+
+
+# what rays count
+
+
+def tally(elements: list[list[int]], weights: list[list[float]], pilots: int) -> Tally:
+    return Tally(np.array(elements, np.int32), np.array(weights, np.float32), pilots)
+
+
+def test_an_evenly_bright_view_gives_pi_times_its_radiance_whatever_the_weights_sum_to() -> None:
+    rng = np.random.default_rng(5)
+    table = np.full((20, 3), 0.7, np.float32)
+    rays = Tally(rng.integers(0, 20, (50, 24)).astype(np.int32), rng.random((50, 24)).astype(np.float32), 16)
+    assert finish(rays.sum(table, 1)) == pytest.approx(np.pi * 0.7, rel=1e-5)
+
+
+def test_rays_below_the_horizon_count_as_dark_and_those_that_met_nothing_are_made_up_for() -> None:
+    table = np.zeros((2 + 3, 1), np.float32)
+    table[:2] = 1  # two bright elements, and the rows of BELOW, NOTHING and SKY
+    quarter = [np.pi / 4] * 4
+    seen = finish(tally([[0, 1, BELOW, BELOW], [0, 1, NOTHING, 1]], [quarter, quarter], 4).sum(table, 1))
+    assert seen[0, 0] == pytest.approx(np.pi / 2, rel=1e-5)
+    assert seen[1, 0] == pytest.approx(np.pi, rel=1e-5)
+
+
+def test_a_sum_is_the_same_for_any_number_of_threads() -> None:
+    rng = np.random.default_rng(6)
+    rays = Tally(rng.integers(0, 99, (3000, 64)).astype(np.int32), rng.random((3000, 64)).astype(np.float32), 48)
+    table = rng.random((99, 6)).astype(np.float32)
+    assert np.array_equal(finish(rays.sum(table, 1)), finish(rays.sum(table, 2)))
+
+
+def test_no_points_give_no_light() -> None:
+    rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), 3)
+    assert finish(rays.sum(np.zeros((3, 6), np.float32), 1)).shape == (0, 6)
+
+
+# where points stand
+
+
+class Blind:
+    """Eyes that see what they are told: the harmonic mean distance at positions (Q, 3), m; light everywhere."""
+
+    def __init__(self, texels: Texels, harmonic: Callable[[Float32], Float32]) -> None:
+        self.texels, self.harmonic = texels, harmonic
+
+    def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
+        yield 1.0
+        seen = np.broadcast_to(self.harmonic(self.texels.position[chosen]), len(chosen)).astype(np.float32)
+        return seen, seen, np.ones(len(chosen), np.float32)
+
+    def clearance(self, chosen: Int64) -> Fractions[Float32]:
+        yield 1.0
+        return np.full(len(chosen), FAR, np.float32)
+
+
+def floor(*more: Mesh) -> Texels:
+    """A floor of 4 x 4 m in z = 0, facing up; its texels are 4 / 58 m wide."""
+    ground = mesh_of("Floor", [quad((0, 0, 0), (4, 0, 0), (0, 4, 0))], [0])
+    scene = Scene((ground, *more), GREY)
+    return finish(rasterize(cell_atlas(scene, 64 * (1 + bool(more))), flatten(scene), 1))
+
+
+def placed(
+    texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = lambda position: np.float32(FAR)
+) -> GatherPoints:
+    return finish(place_points(texels, texels.valid, base, 0.07, Blind(texels, harmonic)))
+
+
+def test_in_the_open_points_stand_a_cell_apart() -> None:
+    points = placed(floor(), 0.5)
+    assert points.count == pytest.approx((4 / 0.5) ** 2, rel=0.3)
+    assert set(points.width) == {np.float32(0.5)}
+
+
+def test_cells_are_narrower_where_surfaces_are_near() -> None:
+    texels = floor()
+    points = placed(texels, 0.5, lambda position: np.where(position[:, 0] < 0, 0.5, FAR))
+    left = texels.position[points.texel, 0] < -0.3
+    right = texels.position[points.texel, 0] > 0.3
+    assert set(points.width[left]) == {np.float32(0.25)}, "narrower ones would hold less than 2 x 2 texels"
+    assert set(points.width[right]) == {np.float32(0.5)}
+    assert left.sum() > 3 * right.sum()
+
+
+def test_every_lit_texel_has_a_point_in_its_own_cell_and_no_other_has_one() -> None:
+    texels = floor(box("Box", (1, 1, 0), (2, 2, 1)))
+    lit = texels.valid & (texels.position[:, 0] < 1.5)
+    near = Blind(texels, lambda position: 0.2 + np.abs(position[:, 1]))
+    points = finish(place_points(texels, lit, 0.5, 0.07, near))
+    assert (points.cell[~lit] == -1).all()
+    assert (points.cell[lit] >= 0).all()
+    assert np.array_equal(points.cell[points.texel], np.arange(points.count)), "each point lies in its own cell"
+    own = points.cell[lit]
+    gap = np.abs(texels.position[lit] - texels.position[points.texel[own]]).max(1)
+    assert (gap <= points.width[own] * 1.001).all()
+    facing = np.einsum("ij,ij->i", texels.normal[lit], texels.normal[points.texel[own]])
+    assert facing.min() > 0.7
+
+
+def test_sheets_that_lie_close_together_have_points_of_their_own() -> None:
+    above = mesh_of("Sheet", [quad((0, 0, 0.01), (4, 0, 0), (0, 4, 0))], [0])
+    texels = floor(above)
+    points = placed(texels, 0.5)
+    height = texels.position[:, 2]
+    assert np.abs(height - height[points.texel[points.cell]]).max() < 1e-4
+
+
+def test_nothing_lit_needs_no_point() -> None:
+    texels = floor()
+    dark = np.zeros(texels.count, bool)
+    points = finish(place_points(texels, dark, 0.5, 0.07, Blind(texels, lambda position: np.float32(FAR))))
+    assert points.count == 0
+    assert (points.cell == -1).all()
+
+
+# from points to texels
+
+
+def fitted(
+    texels: Texels, values: Callable[[Float32], Float32], base: float = 0.25, workers: int = 1
+) -> tuple[Float32, GatherPoints, Neighbours]:
+    """Irradiance (T, 1) from `values` at the positions (P, 3) of points."""
+    visibility = Visibility(texels.surfaces.corners)
+    points = placed(texels, base, lambda position: np.float32(0.6))
+    neighbours = finish(find_neighbours(texels, points, visibility, workers))
+    irradiance = np.asarray(values(texels.position[points.texel]), np.float32).reshape(points.count, -1)
+    return (
+        finish(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers)),
+        points,
+        neighbours,
+    )
+
+
+def test_a_cell_counts_its_own_point_and_others_by_distance() -> None:
+    texels = floor()
+    _, points, neighbours = fitted(texels, lambda position: np.ones(len(position)))
+    assert neighbours.point.shape == (points.count, NEIGHBOURS)
+    assert (neighbours.count > 3).all()
+    assert (neighbours.point == np.arange(points.count)[:, None]).any(1).all()
+    place = texels.position[points.texel]
+    gap = np.linalg.norm(place[neighbours.point] - place[:, None], axis=2)
+    assert gap.max() < 5 * points.width.max()
+
+
+def test_even_light_stays_even() -> None:
+    found, _, _ = fitted(floor(), lambda position: np.full(len(position), 0.3))
+    assert found == pytest.approx(0.3, rel=1e-5)
+
+
+def test_a_slope_is_followed_across_the_surface() -> None:
+    texels = floor()
+    found, _, _ = fitted(texels, lambda position: 5 + position[:, 0] - 0.5 * position[:, 1])
+    x, y, _ = texels.position.T
+    inner = np.maximum(np.abs(x), np.abs(y)) < 1.7
+    assert np.abs(found[:, 0] - (5 + x - 0.5 * y))[inner].max() < 0.03
+
+
+def test_fits_never_leave_the_range_of_their_points_by_more_than_the_stated_share() -> None:
+    texels = floor()
+    rng = np.random.default_rng(7)
+    found, points, _ = fitted(texels, lambda position: rng.random(len(position)) ** 6)
+    assert points.count > 100
+    assert found.min() >= 0
+    assert found.max() <= 1 + OVERSHOOT
+
+
+def test_light_does_not_cross_a_wall_on_the_way_to_texels() -> None:
+    """A screen without thickness stands on the floor; what is bright on one side stays there."""
+    screen = mesh_of("Screen", [quad((2, 0, 0), (0, 4, 0), (0, 0, 2))], [0])
+    texels = floor(screen)
+    wall = 2 - texels.surfaces.origin[0]
+    found, _, _ = fitted(texels, lambda position: position[:, 0] < wall)
+    ground = texels.normal[:, 2] > 0.5
+    side = texels.position[:, 0] - wall
+    assert found[ground & (side < -0.04), 0].min() > 0.999
+    assert found[ground & (side > 0.04), 0].max() < 0.001
+
+
+def test_neighbours_and_fits_are_the_same_for_any_number_of_threads() -> None:
+    texels = floor(box("Box", (1, 1, 0), (2, 2, 1)))
+    (one, _, few), (two, _, more) = (fitted(texels, lambda p: p[:, 0] ** 2, workers=count) for count in (1, 2))
+    assert np.array_equal(one, two)
+    assert np.array_equal(few.point, more.point)
+
+
+# the whole of it: an emitter of half the scene's surface is not a lamp, and only the gather's rays find it
+
+
+@pytest.mark.parametrize(
+    ("receiver", "emitter", "form_factor"),
+    [
+        (quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), quad((0, 0, 1), (0, 1, 0), (1, 0, 0)), 0.1998249),
+        (quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), quad((0, 0, 1), (0, 2, 0), (2, 0, 0)), 0.4152533),
+        (quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), quad((0, 0, 0), (0, 1, 0), (0, 0, 1)), 0.2000438),
+    ],
+    ids=["squares 1 m apart", "squares half as far", "squares at a right angle"],
+)
+def test_the_gather_reads_the_form_factor_between_squares(receiver, emitter, form_factor) -> None:
+    """H / pi of a black receiver is the emitter's radiance times F."""
+    scene = Scene(
+        (mesh_of("Receiver", [receiver], [0]), mesh_of("Emitter", [emitter], [1])),
+        (Material("Black", (0, 0, 0)), Material("Glow", (0, 0, 0), (1, 1, 1))),
+    )
+    baked = finish(bake(scene, BakeSettings(page_size=128, quality="medium")))
+    texels = finish(rasterize(baked.atlas, flatten(scene), 1))
+    light = baked.pages[0].reshape(-1, 3)[texels.pixel, 0].astype(np.float64)
+    mine = texels.surfaces.mesh[texels.triangle[:, 0]] == 0
+    assert np.average(light[mine], weights=texels.area[mine]) == pytest.approx(form_factor, rel=0.01)
