@@ -30,6 +30,9 @@ NOTHING = -2
 BACK_COARSENESS = 2.0
 """Cells of back sides are this much wider: their light is seen only after one more bounce."""
 
+SUMMED = 1 << 16
+"""Texels summed in one go: 0.5 MB a temporary."""
+
 ORIGIN_DIMENSION = 2
 """Dimension of the sample sequence that spreads ray origins; directions take 0 and 1."""
 
@@ -101,14 +104,11 @@ class Patches:
     def mean(self, values: Float32) -> Float64:
         """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
         front = self.of_element[: self.texels.count]
-        taking = np.flatnonzero((front >= 0) & (self.texels.area > 0))
-        owner, weight = front[taking], self.texels.area[taking].astype(np.float64)
-        total = np.bincount(owner, weights=weight, minlength=self.count)
+        taking = np.flatnonzero((front >= 0) & (self.texels.area > 0)).astype(np.int32)
         flat = values.reshape(len(values), -1)
-        means = np.stack(
-            [np.bincount(owner, weights=weight * column[taking], minlength=self.count) for column in flat.T], axis=1
-        )
-        means /= np.maximum(total, 1e-30)[:, None]
+        owner, area = front[taking], self.texels.area
+        means = _sums(owner, taking, area, flat, self.count)
+        means /= np.maximum(_sums(owner, taking, area, None, self.count), 1e-30)
         return means.reshape(self.count, *values.shape[1:])
 
 
@@ -120,35 +120,33 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
         emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp
         solid: (F,) bool, triangles without a back side
     """
-    taking = np.flatnonzero(texels.valid & (texels.area > 0))
-    weight = texels.area[taking].astype(np.float64)
-    width = float(np.sqrt(weight.sum() / max(target, 1))) or 1.0
+    taking = np.flatnonzero(texels.valid & (texels.area > 0)).astype(np.int32)
+    extent = float(texels.area[taking].sum(dtype=np.float64))
+    width = float(np.sqrt(extent / max(target, 1))) or 1.0
+    hollow = ~solid[texels.triangle[:, 0][taking]]
     front, fronts = _cells(texels, taking, width)
-    hollow = np.flatnonzero(~solid[texels.triangle[taking, 0]])
     behind, backs = _cells(texels, taking[hollow], width * BACK_COARSENESS)
-    behind = behind + np.int32(fronts)
     count = fronts + backs
 
-    members = np.concatenate([front, behind])
+    members = np.concatenate([front, behind + np.int32(fronts)])
     owners = np.concatenate([taking, taking[hollow]])
-    shares = np.concatenate([weight, weight[hollow]])
-    area = np.bincount(members, weights=shares, minlength=count)
+    area = _sums(members, owners, texels.area, None, count)[:, 0]
 
-    def mean(values: Float32) -> Float32:
-        columns = [np.bincount(members, weights=shares * column[owners], minlength=count) for column in values.T]
-        return (np.stack(columns, axis=1) / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
+    def means(values: Float32) -> Float32:
+        total = _sums(members, owners, texels.area, values, count)
+        return (total / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
 
     of_element = np.full(texels.count + count, NOTHING, np.int32)
     of_element[taking] = front
     of_element[texels.count :] = np.arange(count)
     _join_lonely(of_element, texels)
     back = np.full(texels.count, NOTHING, np.int32)
-    back[taking[hollow]] = behind
+    back[taking[hollow]] = members[len(taking) :]
     number, strata = _strata_lists(texels, members, owners, count)
     return Patches(
         area=area,
-        reflectance=mean(reflectance),
-        emission=mean(emission),
+        reflectance=means(reflectance),
+        emission=means(emission),
         of_element=of_element,
         back=back,
         sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
@@ -159,19 +157,38 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
     )
 
 
-def _cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
+def _sums(members: Int32, owners: Int32, area: Float32, values: Float32 | None, count: int) -> Float64:
+    """Sums (count, C) over members (K,) of the area of their owners times `values` (T, C) there; None stands for 1."""
+    width = 1 if values is None else values.shape[1]
+    total = np.zeros((count, width))
+    for start in range(0, len(members), SUMMED):
+        part = slice(start, start + SUMMED)
+        member, own = members[part], owners[part]
+        weight = area[own].astype(np.float64)
+        for column in range(width):
+            weights = weight if values is None else weight * values[own, column]
+            total[:, column] += np.bincount(member, weights=weights, minlength=count)
+    return total
+
+
+def _cell_keys(texels: Texels, chosen: Int32, width: float) -> Int64:
     """One number for each texel (C,): equal for texels of one cell, facing, material and connected surface."""
     surfaces = texels.surfaces
-    parts = np.empty((6, len(chosen)), np.int32)
+    flat = surfaces.corners.reshape(-1, 3)
+    low = np.floor(flat.min(0) / width).astype(np.int64) - 1
+    sizes = np.floor(flat.max(0) / width).astype(np.int64) - low + 2
+    label = surfaces.component.astype(np.int64) * (int(surfaces.material.max()) + 1) + surfaces.material
+    keys = np.empty(len(chosen), np.int64)
     for start in range(0, len(chosen), BLOCK):
-        part = slice(start, start + BLOCK)
-        own = chosen[part]
-        triangle = texels.triangle[own, 0]
-        parts[0, part] = surfaces.component[triangle]
-        parts[1, part] = surfaces.material[triangle]
-        parts[2, part] = _facing(*np.ascontiguousarray(texels.normal[own].T))
-        parts[3:, part] = np.floor(texels.position[own].T / np.float32(width))
-    return mixed_radix(*parts)
+        own = chosen[start : start + BLOCK]
+        key = label[texels.triangle[own, 0]] * 6
+        key += _facing(*np.ascontiguousarray(texels.normal[own].T))
+        for place, least, size in zip(texels.position[own].T, low, sizes, strict=True):
+            key *= size
+            key += np.floor(place / np.float32(width)).astype(np.int64)
+            key -= least
+        keys[start : start + BLOCK] = key
+    return keys
 
 
 def _facing(x: Float32, y: Float32, z: Float32) -> Int64:
@@ -193,7 +210,7 @@ def mixed_radix(*parts: Int32 | Int64) -> Int64:
     return key
 
 
-def _cells(texels: Texels, chosen: Int64, width: float) -> tuple[Int32, int]:
+def _cells(texels: Texels, chosen: Int32, width: float) -> tuple[Int32, int]:
     """Number of the cell of each chosen texel (C,), and how many cells there are."""
     key = _cell_keys(texels, chosen, width)
     begin, length = _runs(key)
@@ -220,13 +237,14 @@ def _join_lonely(of_element: Int32, texels: Texels) -> None:
         of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
 
 
-def _strata_lists(texels: Texels, members: Int32, owners: Int64, count: int) -> tuple[Int32, Int32]:
+def _strata_lists(texels: Texels, members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
     """Covered strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,)."""
     begin, length = _runs(members)
     order = np.argsort(members[begin], kind="stable")
-    owners = owners[ragged(begin[order], length[order])].astype(np.int32)
+    owners = owners[ragged(begin[order].astype(np.int32), length[order].astype(np.int32))]
     members = np.repeat(members[begin][order], length[order])
-    kept = texels.covered[owners] | (texels.covered[owners] == 0)  # those beside charts stand in one place
+    kept = texels.covered[owners]
+    kept[kept == 0] = 1  # those beside charts stand in one place
     number = np.bincount(members, weights=BITS[kept], minlength=count)
     strata = np.empty(int(number.sum()), np.int32)
     done = 0
