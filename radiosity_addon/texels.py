@@ -8,7 +8,7 @@ Texels that no stratum touches, but whose bilinear footprint touches the chart, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,28 +168,29 @@ class Texels:
         return found
 
     def without(self, inside: Bools) -> Texels:
-        """The same texels with strata (T, 4) that lie inside other geometry left out."""
+        """Leave out strata (T, 4) that lie inside other geometry: changes these texels, and returns them.
+
+        A second copy of them would be what a large page can't afford.
+        """
         changed = np.flatnonzero(inside.any(1))
-        if not len(changed):
-            return self
+        for start in range(0, len(changed), TEXEL_CHUNK):
+            self._leave_out(changed[start : start + TEXEL_CHUNK], inside)
+        return self
+
+    def _leave_out(self, changed: Int64, inside: Bools) -> None:
         before = self.covered[changed]
         lost = (inside[changed] << _SLOTS).sum(1)
         mask = before & ~lost
         lonely = (before == 0) & ((lost & 1) == 0)  # beside the chart: its one point stands in all strata
         source = STAND_INS[mask]
-        parts = {name: getattr(self, name).copy() for name in _CHANGING}
-        parts["triangle"][changed] = triangle = np.take_along_axis(self.triangle[changed], source, axis=1)
-        parts["barycentric"][changed] = weights = self.barycentric[changed[:, None], source]
-        parts["covered"][changed] = mask
-        parts["area"][changed] *= (BITS[mask] / np.maximum(BITS[before], 1)).astype(np.float32)
-        parts["valid"][changed] &= (mask > 0) | lonely
-        parts["position"][changed], parts["normal"][changed], parts["shading_normal"][changed] = _means(
+        triangle = np.take_along_axis(self.triangle[changed], source, axis=1)
+        weights = self.barycentric[changed[:, None], source]
+        self.triangle[changed], self.barycentric[changed], self.covered[changed] = triangle, weights, mask
+        self.area[changed] *= (BITS[mask] / np.maximum(BITS[before], 1)).astype(np.float32)
+        self.valid[changed] &= (mask > 0) | lonely
+        self.position[changed], self.normal[changed], self.shading_normal[changed] = _means(
             self.surfaces, triangle, weights
         )
-        return replace(self, **parts)
-
-
-_CHANGING = ("triangle", "barycentric", "covered", "area", "valid", "position", "normal", "shading_normal")
 
 
 def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[Float32, Float32, Float32]:

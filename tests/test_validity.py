@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What counts as the inside of something, where no light is."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,7 @@ def on_a_floor(meshes, size=256, workers=1):
     solid = solid_triangles(scene.moved(-surfaces.origin), surfaces, visibility)
     texels = finish(rasterize(cell_atlas(scene, size), surfaces))
     inside = finish(strata_inside(texels, solid, visibility, workers))
-    return texels, texels.without(inside)
+    return texels, deepcopy(texels).without(inside)
 
 
 def floor_of(texels):
