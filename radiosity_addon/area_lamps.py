@@ -18,8 +18,11 @@ from .scene import RGB, AreaLight
 SPREAD_NODES = 12
 """Gauss points along each side of the part of an area lamp that a narrowed spread lets a receiver see."""
 
-SLOTS = 8
-"""Slots of the unit interval for each cell of an emitter, at least; finding a sample's cell is then one look-up."""
+SLOTS = 32
+"""Slots of a row of the unit square for each of its cells, on average; finding a sample's cell is then one look-up."""
+
+HIDDEN = 0.4
+"""Share of a body's samples that further ones make good: half is hidden, but they are even in two ways."""
 
 SPREAD_LEAST = 2e-3
 """Radians. Narrower spreads are taken as this: no one sees the difference, and float32 still resolves the fade."""
@@ -61,11 +64,11 @@ class PanelLamp(Lamp):
 
     @property
     def unevenness(self) -> float:
-        return super().unevenness if len(self.ends) == 1 else 1.0
+        return super().unevenness if len(self.ends) == 1 else 0.5
 
     @property
     def hidden_share(self) -> float:
-        return 0.0 if self.box is None else 0.5
+        return 0.0 if self.box is None else HIDDEN
 
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
         total = np.zeros(len(points), np.float32)
@@ -87,11 +90,17 @@ class PanelLamp(Lamp):
             normal = self.normal[0] * np.float32(-self.area)
         else:
             slots, fields = self._slots
-            cell = slots.take((u * np.float32(len(slots))).astype(np.int32))
+            rows, columns = slots.shape
+            u = u * np.float32(rows)
+            row = u.astype(np.int32)
+            u -= row
+            row *= np.int32(columns)
+            row += (v * np.float32(columns)).astype(np.int32)
+            cell = slots.reshape(-1).take(row)
             corner, edge_u, edge_v, normal, (first, stretch) = (
-                [row.take(cell) for row in fields[k : k + 3]] for k in (0, 3, 6, 9, 12)
+                [field.take(cell) for field in fields[k : k + 3]] for k in (0, 3, 6, 9, 12)
             )
-            u = np.clip((u - first) * stretch, 0, 1)
+            v = np.clip((v - first) * stretch, 0, 1)
         if self.shape == "ellipse":
             u, v = on_disc(u, v)
         elif self.shape == "triangle":
@@ -113,22 +122,42 @@ class PanelLamp(Lamp):
 
     @cached_property
     def _slots(self) -> tuple[Int32, Float32]:
-        """Equal slots of the unit interval, each with its cell, and what samples need of the cells.
+        """Equal slots of the unit square, each with its cell, and what samples need of the cells.
 
-        Cells take slots by their areas; what a whole number of slots is off, the weight makes good.
+        Rows of the square are bands across the longest extent, columns go around a body or along a sheet: even samples
+        of the square are even on the emitter. Cells take slots by their areas; what a whole number of slots is off,
+        the weight makes good.
 
         Returns:
-            (K,) int32 cells, and (14, M) float32: corner, edges, normal times the weight, first slot, slots by K
+            (rows, columns) int32 cells, and (14, M) float32: corner, edges, normal times the weight, first column as a
+            share of all, columns by those of the cell
         """
-        count = SLOTS << len(self.ends).bit_length()
-        slots = np.searchsorted(self.ends, (np.arange(count) + 0.5) / count, side="right")
-        slots = np.minimum(slots, len(self.ends) - 1)
-        taken = np.bincount(slots, minlength=len(self.ends))
+        count = len(self.ends)
         share = np.diff(self.ends.astype(np.float64), prepend=0)
-        weight = np.where(taken > 0, -self.area * share * count / np.maximum(taken, 1), 0)
-        first, stretch = (np.cumsum(taken) - taken) / count, count / np.maximum(taken, 1)
-        fields = [*self.corner.T, *self.edge_u.T, *self.edge_v.T, *(self.normal.T * weight), first, stretch]
-        return slots.astype(np.int32), np.array(fields, np.float32)
+        middle = (self.corner + (self.edge_u + self.edge_v) / 3).astype(np.float64)
+        middle -= share @ middle
+        axes = np.argsort(-np.ptp(middle, axis=0), kind="stable")
+        first, second, third = (middle[:, axis] for axis in axes)
+        across = second if self.box is None else np.arctan2(third, second)
+        rows = max(round(math.sqrt(count) / 2), 1)
+        order = np.argsort(first, kind="stable")
+        band = np.empty(count, np.int64)
+        band[order] = np.minimum((np.cumsum(share[order]) - share[order] / 2) * rows, rows - 1)
+        filled, band, cells = np.unique(band, return_inverse=True, return_counts=True)
+        rows, columns = len(filled), SLOTS * int(np.max(cells))
+        slots = np.empty((rows, columns), np.int32)
+        begin = np.zeros(count)
+        for row in range(rows):
+            own = np.flatnonzero(band == row)
+            own = own[np.argsort(across[own], kind="stable")]
+            ends = np.cumsum(share[own]) / share[own].sum()
+            place = np.searchsorted(ends, (np.arange(columns) + 0.5) / columns, side="right")
+            slots[row] = own[np.minimum(place, len(own) - 1)]
+            begin[own] = np.searchsorted(place, np.arange(len(own)))
+        taken = np.bincount(slots.reshape(-1), minlength=count)
+        weight = np.where(taken > 0, -self.area * share * slots.size / np.maximum(taken, 1), 0)
+        fields = [*self.corner.T, *self.edge_u.T, *self.edge_v.T, *(self.normal.T * weight)]
+        return slots, np.array([*fields, begin / columns, columns / np.maximum(taken, 1)], np.float32)
 
     def _shown(self, facing: Float32, p: Float32) -> Float32:
         if not self.two_sided:

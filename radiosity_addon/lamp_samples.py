@@ -19,7 +19,7 @@ TINY = np.float32(1e-30)
 Rows: TypeAlias = Sequence[Float32] | Float32
 """Vectors as three rows x, y, z, each (B,) or one number for all points."""
 
-EVEN = 0.8
+EVEN = 0.9
 """Lattices are used if their points keep this share of the largest distance that any lattice's points keep."""
 
 # Steps of (u, v) from a pixel to the next one along a row and along a column, found by a random search for the

@@ -55,11 +55,11 @@ class Lamp(ABC):
 
         Even samples err less: to 0.1 of it on average over the directions of a shadow's edge, 0.3 for the worst.
         """
-        return 0.3
+        return 0.5
 
     @property
     def hidden_share(self) -> float:
-        """Share of the samples that a receiver can't see because the lamp's own body is before them."""
+        """Share of the samples to make good because the lamp's own body is before them."""
         return 0.0
 
     @abstractmethod

@@ -177,6 +177,34 @@ def test_an_emissive_ball_lights_like_a_sphere_of_its_area(rings: int, outward: 
     assert np.abs(found - expected).max() < 0.02 * expected.max()
 
 
+def far_ball(rings: int) -> tuple[Lamp, np.ndarray, np.ndarray, np.ndarray]:
+    """A glowing ball, points 5 to 100 radii away that see all of it, their normals, and the light of a sphere."""
+    wall = mesh_of("wall", [quad((-90, -90, -90), (180, 0, 0), (0, 180, 0))], [1])
+    scene = Scene((ball(0.5, rings), wall), (Material("Glow", emission=WHITE), GREY))
+    surfaces = flatten(scene)
+    (lamp,) = lamps_of(scene.moved(-surfaces.origin), surfaces).lamps
+    rng = np.random.default_rng(3)
+    away = unit(rng.normal(size=(2000, 3)))
+    points = away * np.geomspace(2.6, 50, 2000)[:, None]
+    normals = unit(-away + 0.5 * unit(rng.normal(size=(2000, 3))))
+    radius = math.sqrt(surfaces.area[: len(scene.meshes[0].triangles)].sum() / (4 * math.pi))
+    light = math.pi * radius**2 * (-points * normals).sum(1) / np.linalg.norm(points, axis=1) ** 3
+    return lamp, (points - surfaces.origin).astype(np.float32), normals, light
+
+
+def test_from_afar_an_emissive_ball_is_a_sphere_to_half_a_percent() -> None:
+    lamp, points, normals, expected = far_ball(24)
+    assert lamp.light(points, normals, None) == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("rings", [6, 24])
+def test_the_samples_of_an_emissive_ball_have_its_light_as_their_mean(rings: int) -> None:
+    lamp, points, normals, _ = far_ball(rings)
+    closed, sampled = lamp.light(points, normals, None), by_samples(lamp, points, [normals], 987)
+    assert sampled / closed == pytest.approx(np.ones(len(points)), abs=0.04)
+    assert np.mean(sampled / closed) == pytest.approx(1, abs=5e-3)
+
+
 def test_inside_a_glowing_ball_all_of_its_inside_shines() -> None:
     glow = Material("Glow", emission=WHITE)
     wall = mesh_of(
@@ -278,6 +306,27 @@ def test_a_penumbra_is_as_wide_and_as_dark_as_the_lamp_makes_it() -> None:
     assert np.sqrt(np.mean(error**2)) < 0.01
     assert np.abs(error).max() < 0.06
     assert abs(error.mean()) < 1e-3
+
+
+@pytest.mark.parametrize("degrees", [0, 10, 31, 45, 72])
+def test_a_penumbra_has_no_stripes_whatever_way_its_edge_runs(degrees: float) -> None:
+    lamp = AreaLight("lamp", WHITE, (0, 0, 2), (0.8, 0, 0), (0, 0.8, 0), (0, 0, -1))
+    across = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0])
+    along = np.array([-across[1], across[0], 0])
+    floor = mesh_of("floor", [quad((-2, -2, 0), (4, 0, 0), (0, 4, 0))], [0])
+    screen = mesh_of("screen", [quad(tuple(-9 * along + [0, 0, 1]), tuple(9 * across), tuple(18 * along))], [0])
+    stage = Stage(Scene((floor, screen), (GREY,), (lamp,)), 400)
+    (bare,) = stage.lamps.lamps
+    chosen = stage.on_floor()
+    place = stage.world[chosen]
+    chosen = chosen[np.linalg.norm(place, axis=1) < 0.45]
+    place = stage.world[chosen]
+    whole = bare.light(stage.texels.position[chosen], stage.texels.shading_normal[chosen], None)
+    share = stage.direct[chosen, 0, 0] / whole
+    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.398, 0.398, 100), np.linspace(-0.398, 0.398, 100)))
+    spots = np.sort(u * across[0] + v * across[1])
+    expected = np.searchsorted(spots, -(place @ across)) / len(spots)
+    assert np.sqrt(np.mean((share - expected) ** 2)) < 0.02
 
 
 def test_a_thin_pole_between_probes_does_not_vanish() -> None:
