@@ -11,8 +11,10 @@ that takes part. One table of radiances, indexed by element, then serves every r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .coverage import ragged
@@ -239,20 +241,28 @@ def _join_lonely(of_element: Int32, texels: Texels) -> None:
 
 def _strata_lists(texels: Texels, members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
     """Covered strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,)."""
+    number = np.zeros(count)
+    for start in range(0, len(members), SUMMED):
+        part = slice(start, start + SUMMED)
+        number += np.bincount(members[part], weights=BITS[_kept(texels, owners[part])], minlength=count)
     begin, length = _runs(members)
     order = np.argsort(members[begin], kind="stable")
-    owners = owners[ragged(begin[order].astype(np.int32), length[order].astype(np.int32))]
-    members = np.repeat(members[begin][order], length[order])
-    kept = texels.covered[owners]
-    kept[kept == 0] = 1  # those beside charts stand in one place
-    number = np.bincount(members, weights=BITS[kept], minlength=count)
+    begin, length = begin[order], length[order]
     strata = np.empty(int(number.sum()), np.int32)
-    done = 0
     slots = np.arange(STRATA, dtype=np.int32)
-    for start in range(0, len(owners), BLOCK):
-        part = slice(start, start + BLOCK)
-        chosen = ((kept[part, None] >> slots) & 1) > 0
-        found = (owners[part, None] * np.int32(STRATA) + slots)[chosen]
+    cuts = np.searchsorted(np.cumsum(length), np.arange(0, len(members), BLOCK))
+    done = 0
+    for first, last in pairwise([*cuts, len(begin)]):
+        own = owners[ragged(begin[first:last], length[first:last])]
+        chosen = ((_kept(texels, own)[:, None] >> slots) & 1) > 0
+        found = (own[:, None] * np.int32(STRATA) + slots)[chosen]
         strata[done : done + len(found)] = found
         done += len(found)
     return number.astype(np.int32), strata
+
+
+def _kept(texels: Texels, chosen: Int32) -> NDArray[np.uint8]:
+    """Covered strata, as bits, of texels (C,); those beside charts stand in one place."""
+    kept = texels.covered[chosen]
+    kept[kept == 0] = 1
+    return kept
