@@ -179,6 +179,11 @@ def sample_groups(count: int, side: int) -> Float32:
     return groups
 
 
+def whole_groups(count: float) -> int:
+    """The number of samples next to `count` that makes whole groups, one sample a stratum."""
+    return STRATA * max(1, round(count / STRATA))
+
+
 def stages(count: int) -> int:
     """In how many goes `count` samples are traced."""
     return 2 if count % (FIRST * STRATA) == 0 else 1
@@ -206,7 +211,7 @@ def trace_partly(
     Returns:
         the texels of a penumbra, those that have traced all rays
     """
-    rays = round(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
+    rays = whole_groups(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
     groups = sample_groups(rays, STRATA)
     early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
     slopes = lattice_generators(texels.pixel[partly], rays)

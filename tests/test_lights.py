@@ -15,11 +15,11 @@ from radiosity_addon.lamps import Lamp
 from radiosity_addon.lights import Lamps, direct_irradiance, irradiance_at, lamps_of
 from radiosity_addon.polygons import cap_light
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight
-from radiosity_addon.settings import BakeSettings
+from radiosity_addon.settings import QUALITIES, BakeSettings
 from radiosity_addon.surfaces import flatten
 from radiosity_addon.texels import Texels, rasterize
 from radiosity_addon.visibility import Visibility
-from tests.shapes import box, cell_atlas, mesh_of, quad
+from tests.shapes import box, cell_atlas, mesh_of, quad, sphere
 
 WHITE = (1.0, 1.0, 1.0)
 GREY = Material("Grey")
@@ -428,3 +428,21 @@ def test_shifts_of_neighbouring_pixels_fill_the_square() -> None:
 def test_the_lattice_is_even_on_both_axes(count: int) -> None:
     for values in lattice(count).T:
         assert sorted(np.round(values * count).astype(int)) == list(range(count))
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_every_quality_lights_a_floor_with_a_ball(quality: str) -> None:
+    """The number of rays to a lamp that hides part of itself is no round one."""
+    floor = mesh_of("Floor", [quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))], [0])
+    ball = sphere("Ball", 0.2, segments=24, rings=12)
+    ball = replace(ball, vertices=ball.vertices + np.array([0, 0, 0.8]), material=np.ones_like(ball.material))
+    post = box("Post", (0.3, 0.3, 0), (0.4, 0.4, 0.5))
+    scene = Scene((floor, ball, post), (Material("Grey"), Material("Glow", emission=(5.0, 5.0, 5.0))))
+    surfaces = flatten(scene)
+    scene = scene.moved(-surfaces.origin)
+    texels = finish(rasterize(cell_atlas(scene, 256, margin=1), surfaces))
+    settings = BakeSettings(page_size=256, quality=quality)
+    light = finish(direct_irradiance(lamps_of(scene, surfaces), texels, Visibility(surfaces.corners), settings, 1))
+    at_floor = surfaces.mesh[texels.triangle[:, 0]] == 0
+    assert 0.5 < light[at_floor].max() < 5 * np.pi
+    assert light[at_floor].min() < 0.7 * light[at_floor].max()
