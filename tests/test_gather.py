@@ -244,15 +244,16 @@ def test_fits_never_leave_the_range_of_their_points_by_more_than_the_stated_shar
 
 
 def test_light_does_not_cross_a_wall_on_the_way_to_texels() -> None:
-    """A screen without thickness stands on the floor; what is bright on one side stays there."""
-    screen = mesh_of("Screen", [quad((2, 0, 0), (0, 4, 0), (0, 0, 2))], [0])
+    """A screen without thickness stands in the midst of cells; what is bright on one side stays there."""
+    screen = mesh_of("Screen", [quad((1.9, 0, 0), (0, 4, 0), (0, 0, 2))], [0])
     texels = floor(screen)
-    wall = 2 - texels.surfaces.origin[0]
+    wall = 1.9 - texels.surfaces.origin[0]
     found, _, _ = fitted(texels, lambda position: position[:, 0] < wall)
     ground = texels.normal[:, 2] > 0.5
     side = texels.position[:, 0] - wall
     assert found[ground & (side < -0.04), 0].min() > 0.999
-    assert found[ground & (side > 0.04), 0].max() < 0.001
+    apart = texels.position[:, 0] > 0  # beyond the cells that the screen parts, whose few texels there have no point
+    assert found[ground & apart, 0].max() < 0.001
 
 
 def test_neighbours_and_fits_are_the_same_for_any_number_of_threads() -> None:
