@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from radiosity_addon import cli, progress
-from radiosity_addon.stages import Progress
 from radiosity_addon.errors import SceneError
 from radiosity_addon.progress import Meter, describe, duration, short_count
+from radiosity_addon.stages import Progress
 
 ROOT = Path(__file__).parents[1]
 

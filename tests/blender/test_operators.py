@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from datablocks import differences, snapshot
 
 from radiosity_addon import blender
-from radiosity_addon.stages import STAGES
 from radiosity_addon.blender import operators, panels, properties
 from radiosity_addon.errors import SceneError
+from radiosity_addon.stages import STAGES
 
 
 @pytest.fixture(autouse=True)
