@@ -24,6 +24,9 @@ LEVELS = 6
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
 
+FEW_TEXELS = 24
+"""So do points of cells with no more texels than this, on small things."""
+
 SPLIT_SHARE = 0.35
 """A cell is split while it is wider than this share of the harmonic mean distance from its point."""
 
@@ -73,8 +76,11 @@ class GatherPoints:
 class Eyes(Protocol):
     """What looks around from texels (Q,)."""
 
-    def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
-        """Harmonic mean and least distance, m, of what is seen, and light received; all (Q,)."""
+    def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
+        """Harmonic mean and least distance, m, of what is seen, and light received; all (Q,).
+
+        Points that are `fine` (Q,), the last ones, need not look as hard as the others.
+        """
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
         """Distance (Q,), m, to the next surface along the normal."""
@@ -103,11 +109,12 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
+        fine = (size[new] <= FEW_TEXELS) | (level >= FINE_LEVEL)
+        new, fine = new[np.argsort(fine, kind="stable")], np.sort(fine)
         fresh = members[begin[new] + size[new] // 2]
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
-        look = eyes.look(fresh, level >= FINE_LEVEL)
-        seen = yield from scaled(look, level / LEVELS, (level + 1) / LEVELS)
+        seen = yield from scaled(eyes.look(fresh, fine), level / LEVELS, (level + 1) / LEVELS)
         harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
         widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
         places.append(fresh)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Int32, Int64
-from .chunks import Fractions, in_chunks
+from .chunks import Fractions, in_chunks, scaled
 from .gather_points import GatherPoints, cell_keys
 from .guiding import direction_bins, directions_in, draw_bins, pool
 from .patches import NOTHING, Patches
@@ -23,6 +23,9 @@ BELOW = -3
 
 RAYS = 1 << 15
 """Rays traced at once."""
+
+FINE_PART = 3
+"""Points close together send one ray of so many: the fit joins the rays of several."""
 
 PILOT_SHARE = 0.75
 """Of the rays of a point; they also serve where nothing outshines the rest."""
@@ -86,33 +89,38 @@ class GatherRays:
         self._bins: list[NDArray[np.uint16]] = []
         self._fine: list[Bools] = []
 
-    def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
+    def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
         """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
 
-        Where points are `fine`, close together, each sends half as many rays; the other half counts nothing.
+        The points that are `fine`, the last ones, send fewer rays; what is not sent counts nothing.
         """
-        pilots = self._pilots // 2 if fine else self._pilots
         elements = np.full((len(chosen), self._pilots), BELOW, np.int32)
         bins = np.zeros((len(chosen), self._pilots), np.uint16)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
 
-        def work(start: int, stop: int) -> None:
-            part = slice(start, stop)
-            rows = np.repeat(np.arange(stop - start), pilots)
-            texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
-            u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
-            directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
-            element, distance = self._trace(texel, rows, column, directions)
-            inverse = 1 / np.maximum(distance, np.float32(1e-9)).reshape(-1, pilots)
-            elements[part, :pilots] = element.reshape(-1, pilots)
-            bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
-            harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
-            light[part] = self._bright[elements[part, :pilots]].mean(1)
+        def trace(first: int, last: int, pilots: int) -> Fractions[list[None]]:
+            def work(start: int, stop: int) -> None:
+                part = slice(first + start, first + stop)
+                rows = np.repeat(np.arange(stop - start), pilots)
+                texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
+                u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
+                directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
+                element, distance = self._trace(texel, rows, column, directions)
+                inverse = 1 / np.maximum(distance, np.float32(1e-9)).reshape(-1, pilots)
+                elements[part, :pilots] = element.reshape(-1, pilots)
+                bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
+                harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
+                light[part] = self._bright[elements[part, :pilots]].mean(1)
 
-        yield from in_chunks(work, len(chosen), max(1, RAYS // pilots), self._workers)
+            return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
+
+        coarse = len(chosen) - int(np.count_nonzero(fine))
+        share = coarse / max(1, len(chosen))
+        yield from scaled(trace(0, coarse, self._pilots), 0, share)
+        yield from scaled(trace(coarse, len(chosen), max(1, self._pilots // FINE_PART)), share, 1)
         self._elements.append(elements)
         self._bins.append(bins)
-        self._fine.append(np.full(len(chosen), fine))
+        self._fine.append(fine)
         return harmonic, nearest, light
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
@@ -177,7 +185,7 @@ class GatherRays:
     ) -> tuple[Int32, Float32]:
         """Guided elements (Q, guided) and weights (Q, all) of points whose pilots met `elements` in `bins`."""
         count = int(fold.max(initial=0)) + 2
-        share = np.where(fine, np.float32(0.5), np.float32(1))  # of the rays of a row that are sent
+        share = np.where(fine, np.float32(1 / FINE_PART), np.float32(1))  # of the rays of a row that are sent
         light = self._bright[elements].reshape(-1)  # rays not sent met nothing bright
         density = pool(np.repeat(fold ^ 1, self._pilots), count, bins.reshape(-1).astype(np.int64), light)
         drawn = draw_bins(density, self._guided, first)
@@ -185,7 +193,7 @@ class GatherRays:
         u = even_uniform(texel[rows], np.tile(np.arange(self._pilots), len(texel)), 0)
         cosine = np.sqrt(1 - u).reshape(-1, self._pilots)
         pilot_weights = self._balance(cosine, density[fold[:, None], bins], share[:, None])
-        pilot_weights[fine, self._pilots // 2 :] = 0
+        pilot_weights[fine, max(1, self._pilots // FINE_PART) :] = 0
 
         rows = np.repeat(np.arange(len(texel)), self._guided)
         sample = np.tile(np.arange(self._guided), len(texel))
@@ -193,7 +201,7 @@ class GatherRays:
         u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
         directions = directions_in(into, u, v)
         cosine = np.einsum("ij,ij->i", directions, self._texels.shading_normal[texel][rows])
-        left_out = fine[rows] & (sample % 2 > 0)
+        left_out = fine[rows] & (sample % FINE_PART > 0)
         sent = np.flatnonzero((cosine > 0) & density.any(1)[fold][rows] & ~left_out)
         element = np.full(len(rows), BELOW, np.int32)
         element[sent] = self._trace(texel, rows[sent], sample[sent], directions[sent])[0]
