@@ -36,6 +36,9 @@ SPLIT_BEND = 0.02
 FINEST = 2.0
 """No cell is narrower than this many texels."""
 
+SMALLEST = 4
+"""Cells of no more texels than this are not split."""
+
 FACINGS = 2.0
 """Normals times this, rounded, are their facing: both flanks of a fold differ in at least one number."""
 
@@ -123,7 +126,7 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         if last:
             break
         narrow = width > SPLIT_SHARE * harmonic[point]
-        split = (narrow | cells.bent) & (size > 1)
+        split = (narrow | cells.bent) & (size > SMALLEST)
         dark = split & (light[point] <= DARK * light.mean())
         if dark.any():
             asked = np.flatnonzero(np.repeat(dark, size))

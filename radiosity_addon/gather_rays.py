@@ -24,7 +24,7 @@ BELOW = -3
 RAYS = 1 << 15
 """Rays traced at once."""
 
-FINE_PART = 3
+FINE_PART = 2
 """Points close together send one ray of so many: the fit joins the rays of several."""
 
 PILOT_SHARE = 0.75
@@ -36,6 +36,24 @@ POOL_WIDTH = 4.0
 JITTER_DIMENSIONS = (4, 5)
 
 
+@dataclass(frozen=True)
+class RayCounts:
+    """Rays of a point: pilots and guided ones. A `fine` point, close to others, sends only part of them."""
+
+    pilots: int
+    guided: int
+
+    def sent(self, fine: bool) -> tuple[int, int]:
+        """Pilots and guided rays of a point."""
+        part = FINE_PART if fine else 1
+        return -(-self.pilots // part), -(-self.guided // part)
+
+    def columns(self, fine: bool) -> Int64:
+        """Where the rays of a point stand in a row that has room for all: pilots first."""
+        pilots, guided = self.sent(fine)
+        return np.concatenate([np.arange(pilots), self.pilots + np.arange(guided)])
+
+
 @dataclass(frozen=True, eq=False)
 class Tally:
     """What the rays of P points met, and their weights.
@@ -43,12 +61,14 @@ class Tally:
     Attributes:
         elements: (P, R) int32, the element that each ray met, pilots first
         weights: (P, R) float32: irradiance is the weighted sum of the elements' radiances; a row sums to pi on average
-        pilots: how many of the R rays are pilots
+        counts: of rays in a row
+        fine: (P,) bool, points that sent only part of them
     """
 
     elements: Int32
     weights: Float32
-    pilots: int
+    counts: RayCounts
+    fine: Bools
 
     def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
         """Irradiance (P, C), W/m2, under radiances `table` (elements, C).
@@ -57,21 +77,26 @@ class Tally:
         missing. What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact
         where all is equally bright, harmless where a small window outshines the rest.
         """
+        total: Float32 = np.empty((len(self.elements), table.shape[1]), np.float32)
+        for fine in (False, True):
+            rows = np.flatnonzero(self.fine == fine)
+            columns, pilots = self.counts.columns(fine), self.counts.sent(fine)[0]
 
-        def work(start: int, stop: int) -> Float32:
-            element = self.elements[start:stop]
-            weight = self.weights[start:stop] * (element != NOTHING)
-            radiance = table[element]
-            pilot = radiance[:, : self.pilots]
-            sent = (weight[:, : self.pilots] > 0).sum(1)[:, None]
-            mean = pilot.sum(1) / np.maximum(sent, 1)
-            dim = np.minimum(pilot, mean[:, None]).sum(1) / np.maximum(sent, 1)
-            light = np.einsum("pr,prc->pc", weight, radiance)
-            return np.asarray(light + dim * (np.float32(np.pi) - weight.sum(1))[:, None], np.float32)
+            def work(start: int, stop: int, rows: Int64 = rows, columns: Int64 = columns, pilots: int = pilots) -> None:
+                chosen = rows[start:stop, None]
+                element = self.elements[chosen, columns]
+                met = element != NOTHING
+                weight = self.weights[chosen, columns] * met
+                radiance = table[element]
+                pilot = radiance[:, :pilots]
+                count = np.maximum(met[:, :pilots].sum(1), 1)[:, None]
+                dim = np.minimum(pilot, (pilot.sum(1) / count)[:, None]).sum(1) / count
+                light = np.einsum("pr,prc->pc", weight, radiance)
+                total[rows[start:stop]] = light + dim * (np.float32(np.pi) - weight.sum(1))[:, None]
 
-        rows = max(1, RAYS // max(1, self.elements.shape[1]))
-        parts = yield from in_chunks(work, len(self.elements), rows, workers)
-        return np.concatenate(parts) if parts else np.zeros((0, table.shape[1]), np.float32)
+            steps = in_chunks(work, len(rows), max(1, RAYS // len(columns)), workers)
+            yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
+        return total
 
 
 class GatherRays:
@@ -82,8 +107,8 @@ class GatherRays:
     ) -> None:
         self._texels, self._patches, self._visibility = texels, patches, visibility
         self._workers = settings.workers
-        self._pilots = round(settings.steps.gather_rays * PILOT_SHARE)
-        self._guided = settings.steps.gather_rays - self._pilots
+        pilots = round(settings.steps.gather_rays * PILOT_SHARE)
+        self._counts = RayCounts(pilots, settings.steps.gather_rays - pilots)
         self._bright = bright
         self._elements: list[Int32] = []
         self._bins: list[NDArray[np.uint16]] = []
@@ -94,8 +119,8 @@ class GatherRays:
 
         The points that are `fine`, the last ones, send fewer rays; what is not sent counts nothing.
         """
-        elements = np.full((len(chosen), self._pilots), BELOW, np.int32)
-        bins = np.zeros((len(chosen), self._pilots), np.uint16)
+        elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
+        bins = np.zeros(elements.shape, np.uint16)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
 
         def trace(first: int, last: int, pilots: int) -> Fractions[list[None]]:
@@ -116,8 +141,8 @@ class GatherRays:
 
         coarse = len(chosen) - int(np.count_nonzero(fine))
         share = coarse / max(1, len(chosen))
-        yield from scaled(trace(0, coarse, self._pilots), 0, share)
-        yield from scaled(trace(coarse, len(chosen), max(1, self._pilots // FINE_PART)), share, 1)
+        yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
+        yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
         self._elements.append(elements)
         self._bins.append(bins)
         self._fine.append(fine)
@@ -151,17 +176,18 @@ class GatherRays:
 
     def tally(self, points: GatherPoints, base: float) -> Fractions[Tally]:
         """Trace the guided rays of all points looked at, and weigh all rays."""
-        elements = np.empty((points.count, self._pilots + self._guided), np.int32)
-        elements[:, : self._pilots] = np.concatenate(self._elements or [elements[:0, : self._pilots]])
-        bins = np.concatenate(self._bins or [np.zeros((0, self._pilots), np.uint16)])
+        pilots, guided = self._counts.sent(False)
+        elements = np.full((points.count, pilots + guided), BELOW, np.int32)
+        elements[:, :pilots] = np.concatenate(self._elements or [elements[:0, :pilots]])
+        bins = np.concatenate(self._bins or [np.zeros((0, pilots), np.uint16)])
         fine = np.concatenate(self._fine or [np.zeros(0, bool)])
         self._elements, self._bins, self._fine = [], [], []
-        weights = np.empty(elements.shape, np.float32)
+        weights = np.zeros(elements.shape, np.float32)
         keys = cell_keys(self._texels, points.texel, base * POOL_WIDTH)
         order = np.argsort(keys, kind="stable")
         begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)])
         # chunks end with a pool, so that no histogram is needed twice
-        wanted = np.arange(0, points.count, max(1, RAYS // self._guided))
+        wanted = np.arange(0, points.count, max(1, RAYS // guided))
         cuts = np.append(begin[np.unique(np.searchsorted(begin, wanted))[:-1]] if len(begin) else begin, points.count)
         cuts = np.unique(np.concatenate([[0], cuts]))
 
@@ -173,48 +199,54 @@ class GatherRays:
             # Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped
             # to fill would count too little (4 % of the light was missing so).
             fold = 2 * (pools - pools[0]) + rank % 2
-            elements[mine, self._pilots :], weights[mine] = self._guide(
-                points.texel[mine], elements[mine, : self._pilots], bins[mine], fold, 2 * int(pools[0]), fine[mine]
-            )
+            light = self._bright[elements[mine, :pilots]].reshape(-1)  # rays not sent met nothing bright
+            into = bins[mine].reshape(-1).astype(np.int64)
+            density = pool(np.repeat(fold ^ 1, pilots), int(fold.max()) + 2, into, light)
+            for some in (False, True):
+                here = np.flatnonzero(fine[mine] == some)
+                points_here = mine[here]
+                few, rest = self._counts.sent(some)
+                cosine = self._pilot_cosines(points.texel[points_here], few)
+                seen = density[fold[here, None], bins[points_here, :few]]
+                weights[points_here, :few] = _balance(cosine, seen, few, rest)
+                drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
+                element, cosine = self._guide(points.texel[points_here], drawn, density.any(1)[fold[here]])
+                elements[points_here, pilots : pilots + rest] = element
+                seen = density[fold[here, None], drawn]
+                weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
 
         yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
-        return Tally(elements, weights, self._pilots)
+        return Tally(elements, weights, self._counts, fine)
 
-    def _guide(
-        self, texel: Int64, elements: Int32, bins: NDArray[np.uint16], fold: Int64, first: int, fine: Bools
-    ) -> tuple[Int32, Float32]:
-        """Guided elements (Q, guided) and weights (Q, all) of points whose pilots met `elements` in `bins`."""
-        count = int(fold.max(initial=0)) + 2
-        share = np.where(fine, np.float32(1 / FINE_PART), np.float32(1))  # of the rays of a row that are sent
-        light = self._bright[elements].reshape(-1)  # rays not sent met nothing bright
-        density = pool(np.repeat(fold ^ 1, self._pilots), count, bins.reshape(-1).astype(np.int64), light)
-        drawn = draw_bins(density, self._guided, first)
-        rows = np.repeat(np.arange(len(texel)), self._pilots)
-        u = even_uniform(texel[rows], np.tile(np.arange(self._pilots), len(texel)), 0)
-        cosine = np.sqrt(1 - u).reshape(-1, self._pilots)
-        pilot_weights = self._balance(cosine, density[fold[:, None], bins], share[:, None])
-        pilot_weights[fine, max(1, self._pilots // FINE_PART) :] = 0
+    def _pilot_cosines(self, texel: Int64, pilots: int) -> Float32:
+        """Cosines (Q, pilots) of pilot rays with their shading normals."""
+        u = even_uniform(np.repeat(texel, pilots), np.tile(np.arange(pilots), len(texel)), 0)
+        return np.asarray(np.sqrt(1 - u).reshape(-1, pilots), np.float32)
 
-        rows = np.repeat(np.arange(len(texel)), self._guided)
-        sample = np.tile(np.arange(self._guided), len(texel))
-        into = drawn[fold].reshape(-1)
+    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32]:
+        """Elements and cosines, both (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
+
+        Args:
+            lit: (Q,) bool, texels whose bins were drawn from light; no others send rays
+        """
+        guided = drawn.shape[1]
+        rows = np.repeat(np.arange(len(texel)), guided)
+        sample = np.tile(np.arange(guided), len(texel))
         u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
-        directions = directions_in(into, u, v)
+        directions = directions_in(drawn.reshape(-1), u, v)
         cosine = np.einsum("ij,ij->i", directions, self._texels.shading_normal[texel][rows])
-        left_out = fine[rows] & (sample % FINE_PART > 0)
-        sent = np.flatnonzero((cosine > 0) & density.any(1)[fold][rows] & ~left_out)
+        cosine[~lit[rows]] = 0
+        np.maximum(cosine, 0, out=cosine)
+        sent = np.flatnonzero(cosine)
         element = np.full(len(rows), BELOW, np.int32)
         element[sent] = self._trace(texel, rows[sent], sample[sent], directions[sent])[0]
-        weight = np.zeros(len(rows), np.float32)
-        weight[sent] = self._balance(cosine[sent], density[fold[rows[sent]], into[sent]], share[rows[sent]])
-        shape = (len(texel), self._guided)
-        return element.reshape(shape), np.concatenate([pilot_weights, weight.reshape(shape)], axis=1)
+        return element.reshape(drawn.shape), cosine.reshape(drawn.shape)
 
-    def _balance(self, cosine: Float32, density: Float32, share: Float32) -> Float32:
-        """Cosine over the summed densities of both kinds of rays sent: the balance heuristic's weight."""
-        total = np.float32(self._pilots / np.pi) * cosine
-        total += np.float32(self._guided) * density
-        total *= share
-        total += np.float32(1e-9)
-        weight: Float32 = np.divide(cosine, total, out=total)
-        return weight
+
+def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:
+    """Cosine over the summed densities of both kinds of rays sent: the balance heuristic's weight."""
+    total = np.float32(pilots / np.pi) * cosine
+    total += np.float32(guided) * density
+    total += np.float32(1e-9)
+    weight: Float32 = np.divide(cosine, total, out=total)
+    return weight

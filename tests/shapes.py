@@ -94,7 +94,11 @@ def cell_atlas(scene, size, margin=3):
 
 def furnished_room():
     """A room of 5.5 m with coloured side walls, two blocks on its floor and a lamp below its ceiling."""
-    white, red, green = Material("White", (0.75,) * 3), Material("Red", (0.6, 0.06, 0.05)), Material("Green", (0.1, 0.4, 0.1))
+    white, red, green = (
+        Material("White", (0.75,) * 3),
+        Material("Red", (0.6, 0.06, 0.05)),
+        Material("Green", (0.1, 0.4, 0.1)),
+    )
     room = box("Room", (0, 0, 0), (5.5, 5.5, 5.5), [0, 0, 0, 0, 1, 2], inward=True)
     low = box("Low block", (0.8, 1, 0), (2.4, 2.6, 1.65))
     high = box("High block", (3, 2.8, 0), (4.6, 4.4, 3.3))

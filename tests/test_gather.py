@@ -12,7 +12,7 @@ from radiosity_addon.arrays import Float32, Int64
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import Fractions, finish
 from radiosity_addon.gather_points import GatherPoints, place_points
-from radiosity_addon.gather_rays import BELOW, Tally
+from radiosity_addon.gather_rays import BELOW, RayCounts, Tally
 from radiosity_addon.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
 from radiosity_addon.irradiance_fit import OVERSHOOT, fit_irradiance
 from radiosity_addon.neighbours import NEIGHBOURS, Neighbours, find_neighbours
@@ -82,13 +82,23 @@ def test_rows_draw_the_same_bins_however_they_are_cut_into_chunks() -> None:
 
 
 def tally(elements: list[list[int]], weights: list[list[float]], pilots: int) -> Tally:
-    return Tally(np.array(elements, np.int32), np.array(weights, np.float32), pilots)
+    return Tally(
+        np.array(elements, np.int32),
+        np.array(weights, np.float32),
+        RayCounts(pilots, len(elements[0]) - pilots),
+        np.zeros(len(elements), bool),
+    )
 
 
 def test_an_evenly_bright_view_gives_pi_times_its_radiance_whatever_the_weights_sum_to() -> None:
     rng = np.random.default_rng(5)
     table = np.full((20, 3), 0.7, np.float32)
-    rays = Tally(rng.integers(0, 20, (50, 24)).astype(np.int32), rng.random((50, 24)).astype(np.float32), 16)
+    rays = Tally(
+        rng.integers(0, 20, (50, 24)).astype(np.int32),
+        rng.random((50, 24)).astype(np.float32),
+        RayCounts(16, 8),
+        np.zeros(50, bool),
+    )
     assert finish(rays.sum(table, 1)) == pytest.approx(np.pi * 0.7, rel=1e-5)
 
 
@@ -103,13 +113,18 @@ def test_rays_below_the_horizon_count_as_dark_and_those_that_met_nothing_are_mad
 
 def test_a_sum_is_the_same_for_any_number_of_threads() -> None:
     rng = np.random.default_rng(6)
-    rays = Tally(rng.integers(0, 99, (3000, 64)).astype(np.int32), rng.random((3000, 64)).astype(np.float32), 48)
+    rays = Tally(
+        rng.integers(0, 99, (3000, 64)).astype(np.int32),
+        rng.random((3000, 64)).astype(np.float32),
+        RayCounts(48, 16),
+        np.arange(3000) % 3 > 0,
+    )
     table = rng.random((99, 6)).astype(np.float32)
     assert np.array_equal(finish(rays.sum(table, 1)), finish(rays.sum(table, 2)))
 
 
 def test_no_points_give_no_light() -> None:
-    rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), 3)
+    rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), RayCounts(3, 1), np.zeros(0, bool))
     assert finish(rays.sum(np.zeros((3, 6), np.float32), 1)).shape == (0, 6)
 
 
@@ -281,7 +296,7 @@ def test_the_gather_reads_the_form_factor_between_squares(receiver, emitter, for
         (mesh_of("Receiver", [receiver], [0]), mesh_of("Emitter", [emitter], [1])),
         (Material("Black", (0, 0, 0)), Material("Glow", (0, 0, 0), (1, 1, 1))),
     )
-    baked = finish(bake(scene, BakeSettings(page_size=128, quality="medium")))
+    baked = finish(bake(scene, BakeSettings(page_size=128, quality="high")))
     texels = finish(rasterize(baked.atlas, flatten(scene), 1))
     light = baked.pages[0].reshape(-1, 3)[texels.pixel, 0].astype(np.float64)
     mine = texels.surfaces.mesh[texels.triangle[:, 0]] == 0
