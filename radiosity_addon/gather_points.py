@@ -24,9 +24,6 @@ LEVELS = 6
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
 
-FEW_TEXELS = 24
-"""So do points of cells with no more texels than this, on small things."""
-
 SPLIT_SHARE = 0.35
 """A cell is split while it is wider than this share of the harmonic mean distance from its point."""
 
@@ -112,8 +109,7 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
-        fine = (size[new] <= FEW_TEXELS) | (level >= FINE_LEVEL)
-        new, fine = new[np.argsort(fine, kind="stable")], np.sort(fine)
+        fine = np.full(len(new), level >= FINE_LEVEL)
         fresh = members[begin[new] + size[new] // 2]
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]

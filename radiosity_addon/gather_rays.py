@@ -88,9 +88,12 @@ class Tally:
                 met = element != NOTHING
                 weight = self.weights[chosen, columns] * met
                 radiance = table[element]
-                pilot = radiance[:, :pilots]
+                # which rays are dim is decided by all channels and light groups at once, so that groups add up
+                bright = radiance[:, :pilots].sum(2)
                 count = np.maximum(met[:, :pilots].sum(1), 1)[:, None]
-                dim = np.minimum(pilot, (pilot.sum(1) / count)[:, None]).sum(1) / count
+                level = bright.sum(1)[:, None] / count
+                kept = np.minimum(level / np.maximum(bright, np.float32(1e-30)), 1) / count
+                dim = np.einsum("pr,prc->pc", kept, radiance[:, :pilots])
                 light = np.einsum("pr,prc->pc", weight, radiance)
                 total[rows[start:stop]] = light + dim * (np.float32(np.pi) - weight.sum(1))[:, None]
 

@@ -62,9 +62,7 @@ def fit_irradiance(
         weight[lonely, 0] = 1
         values = irradiance[plane.point]
         fitted = _fit(weight, x, y, reach, values, row)
-        low, high = values.min(1), values.max(1)
-        slack = OVERSHOOT * (high - low)
-        result[texel] = np.clip(fitted, np.maximum(low - slack, 0)[row], (high + slack)[row])
+        result[texel] = _kept_in_range(fitted, values, row)
 
     yield from in_chunks(work, len(taking), TEXELS, workers)
     return result
@@ -107,6 +105,22 @@ class _Plane:
         x -= np.einsum("tx,tx->t", gap, self._tangent[row])[:, None]
         y -= np.einsum("tx,tx->t", gap, self._other[row])[:, None]
         return x, y
+
+
+def _kept_in_range(fitted: Float32, values: Float32, row: Int64) -> Float32:
+    """`fitted` (T, C), its brightness kept near that of values (cells, K, C) of cells row (T,).
+
+    Brightness is the sum of all columns, so that light groups add up.
+    """
+    bright = values.sum(2)
+    low, high = bright.min(1), bright.max(1)
+    slack = OVERSHOOT * (high - low)
+    lost = np.flatnonzero(fitted.sum(1) <= 0)
+    fitted[lost] = values.mean(1)[row[lost]]
+    total = fitted.sum(1)
+    wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
+    fitted *= (wanted / np.where(total > 0, total, 1))[:, None]
+    return fitted
 
 
 def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
