@@ -33,7 +33,7 @@ SPLIT_BEND = 0.02
 FINEST = 2.0
 """No cell is narrower than this many texels."""
 
-SMALLEST = 4
+SMALLEST = 5
 """Cells of no more texels than this are not split."""
 
 FACINGS = 2.0

@@ -42,7 +42,7 @@ class Quality:
 
 QUALITY_STEPS: dict[str, Quality] = {
     "draft": Quality(48, 6000, 64, 8.0, 3000, 1, 16, 1),
-    "medium": Quality(64, 12000, 256, 5.0, 6000, 1, 36, 2),
+    "medium": Quality(64, 12000, 224, 5.0, 6000, 1, 36, 2),
     "high": Quality(128, 24000, 512, 4.0, 12000, 4, 144, 2),
 }
 
