@@ -12,7 +12,7 @@ import numpy as np
 
 from .arrays import Bools, Float32
 from .chunks import Fractions, scaled
-from .gather_points import place_points
+from .gather_points import coarsest_width, place_points
 from .gather_rays import GatherRays
 from .illumination import Illumination
 from .irradiance_fit import fit_irradiance
@@ -37,7 +37,7 @@ def final_gather(
     extent = float(texels.area[lit].sum(dtype=np.float64))
     texel_width = float(np.sqrt(extent / max(1, int(np.count_nonzero(lit & (texels.area > 0)))))) or 1.0
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
-    base = max(float(np.sqrt(extent / aimed)), 1e-9)
+    base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     table = light.radiance(patches)
     rays = GatherRays(texels, patches, visibility, settings, table.sum(1))
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)

@@ -30,8 +30,8 @@ SPLIT_SHARE = 0.35
 SPLIT_BEND = 0.02
 """A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
 
-FINEST = 2.0
-"""No cell is narrower than this many texels."""
+FINEST = 2.6
+"""The narrowest cells are so many texels wide."""
 
 SMALLEST = 5
 """Cells of no more texels than this are not split."""
@@ -86,6 +86,12 @@ class Eyes(Protocol):
         """Distance (Q,), m, to the next surface along the normal."""
 
 
+def coarsest_width(wanted: float, texel_width: float) -> float:
+    """The width next to `wanted` from which halving leads to the narrowest cells."""
+    finest = FINEST * texel_width
+    return float(finest * 2.0 ** max(0, round(np.log2(wanted / finest))))
+
+
 def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
     """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
     facing = np.rint(texels.shading_normal[chosen] * np.float32(FACINGS)).astype(np.int64)
@@ -104,7 +110,7 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         if not len(open_texels):
             break
         width = base / 2**level
-        last = level == LEVELS - 1 or width / 2 < FINEST * texel_width
+        last = level == LEVELS - 1 or width < 1.5 * FINEST * texel_width
         cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width))
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
