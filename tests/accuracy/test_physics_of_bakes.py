@@ -149,6 +149,6 @@ def test_an_integrating_sphere_of_100_w_has_a_radiance_of_2_533() -> None:
     bpy.context.object.data.materials.append(material(0.5))
     add_lamp("POINT", 100, shadow_soft_size=0)
     bpy.data.objects["Lamp"].location = (0, 0, 0)
-    radiance = 0.5 * baked(page_size=256).pages[0]
+    radiance = 0.5 * baked(page_size=256, quality="high").pages[0]
     assert radiance.mean(dtype=np.float64) == pytest.approx(2.5330, rel=0.005)
     assert np.abs(radiance / 2.5330 - 1).max() < 0.01
