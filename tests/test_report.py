@@ -14,7 +14,7 @@ from radiosity_addon.report import BakedObject, Page, Report, write_report
 
 def report(**changes: object) -> Report:
     fields: dict[str, object] = {
-        "pages": [Page("room_radiosity_1", Path("/work/out/room_textures/room_radiosity_1.exr"), (64, 64))],
+        "pages": [Page("room_radiosity_1", Path("/srv/out/room_textures/room_radiosity_1.exr"), (64, 64))],
         "objects": [BakedObject("Wall", "Wall", 0, np.int64(120), np.float64(16.5))],
         "skipped": [("Hair", "has no surface")],
         "stages": [("Unwrap", 0.25, 0), ("Gather", np.float64(1.5), np.int64(3000))],
@@ -29,7 +29,7 @@ def report(**changes: object) -> Report:
 
 
 def test_the_keys_are_exactly_the_promised_ones() -> None:
-    found = json.loads(report().as_json(Path("/work/out")))
+    found = json.loads(report().as_json(Path("/srv/out")))
     assert found == {
         "pages": [{"image": "room_radiosity_1", "file": "room_textures/room_radiosity_1.exr", "size": [64, 64]}],
         "objects": [{"source": "Wall", "object": "Wall", "page": 0, "texels": 120, "density": 16.5}],
@@ -49,7 +49,7 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
 
 def test_an_instance_says_where_it_lies() -> None:
     instance = BakedObject("Chair", "Chair", 1, 9, 8.0, (0.5, 0.25), (0.125, 0.0), np.eye(4))
-    found = json.loads(report(objects=[instance]).as_json(Path("/work/out")))["objects"][0]
+    found = json.loads(report(objects=[instance]).as_json(Path("/srv/out")))["objects"][0]
     assert found["uv_scale"] == [0.5, 0.25]
     assert found["uv_offset"] == [0.125, 0.0]
     assert found["matrix"] == np.eye(4).tolist()
