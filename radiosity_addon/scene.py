@@ -13,25 +13,30 @@ from typing import TypeAlias
 import numpy as np
 
 from .arrays import Float32, Float64, Int32
+from .shading import Quantity
 
 RGB: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Material:
-    """A diffuse surface.
+    """A diffuse surface. All its quantities are of the surface as a whole: a half clear one reflects half as much.
 
     Attributes:
         name: for messages
         reflectance: diffuse albedo plus glossy albedo, each channel in [0, 1)
         emission: emitted radiance of either face, W/(m2 sr)
         group: light group of the emission, index into Scene.groups
+        transmittance: share of the light that goes straight on, each channel in [0, 1]
+        varies: which of these change over the surface; a Shader tells them, the values here are their means
     """
 
     name: str
     reflectance: RGB = (0.8, 0.8, 0.8)
     emission: RGB = (0.0, 0.0, 0.0)
     group: int = 0
+    transmittance: RGB = (0.0, 0.0, 0.0)
+    varies: frozenset[Quantity] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
