@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int64
+from .bounces import bounce_limits, clamped, patch_light
 from .chunks import Fractions, scaled
 from .errors import SceneError
 from .form_factor import Transport, trace_transport
 from .gather import final_gather
-from .illumination import Illumination, appearance_of, first_exitance, world_radiance
+from .illumination import Exitance, Illumination, PatchLight, appearance_of, first_exitance, world_radiance
 from .lightmap import compose
 from .lights import direct_irradiance, lamps_of
 from .patches import Patches, group_patches
@@ -81,16 +82,13 @@ def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Bake
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings))
     sky = transport.sky[:, None, None] * np.pi * world_radiance(scene)
     exitance = first_exitance(patches, look, direct, sky, lamps, visibility, groups)
-    solution = yield from log.stage("Radiosity", _solve(log, transport, patches, exitance, settings))
-    light = Illumination(
-        look=look,
-        direct=direct,
-        patch_irradiance=(solution.irradiance + sky).astype(np.float32),
-        patch_radiosity=solution.radiosity.astype(np.float32),
-        world=world_radiance(scene),
-    )
+    between = _light_between(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
+    solution, passes = yield from log.stage("Radiosity", between)
+    bounced = clamped(direct, look.reflectance, settings.clamp_indirect)
+    light = Illumination(look=look, direct=bounced, passes=passes, world=world_radiance(scene))
     indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
-    pages = yield from log.stage("Pages", _pages(texels, direct + indirect, atlas))
+    light_of_lamps = clamped(direct, look.reflectance, settings.clamp_direct)
+    pages = yield from log.stage("Pages", _pages(texels, light_of_lamps + indirect, atlas))
     warnings = list(scene.warnings) + list(atlas.warnings)
     if not solution.converged:
         warnings.append(f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1")
@@ -120,11 +118,18 @@ def _patches_for(wanted: Bools, settings: BakeSettings) -> int:
     return max(LEAST_PATCHES, int(settings.steps.patches * np.sqrt(np.count_nonzero(wanted) / 1e6)))
 
 
-def _solve(
-    log: StageLog, transport: Transport, patches: Patches, exitance: Float64, settings: BakeSettings
-) -> Fractions[Solution]:
-    """Refine to the tolerance; the share done is that of the residual's decades."""
-    steps = refine(transport, patches, exitance, settings.tolerance)
+def _light_between(
+    log: StageLog,
+    transport: Transport,
+    patches: Patches,
+    exitance: Exitance,
+    sky: Float64,
+    limits: tuple[int | None, ...],
+    settings: BakeSettings,
+) -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
+    """Refine to the tolerance, the share done by the residual's decades; then the bounces that are counted."""
+    endless = np.array([limit is None for limit in limits])[:, None]
+    steps = refine(transport, patches, exitance.total * endless, settings.tolerance)
     decades = -np.log(settings.tolerance)
     while True:
         try:
@@ -132,8 +137,10 @@ def _solve(
         except StopIteration as stop:
             solution: Solution = stop.value
             log.residual = solution.residuals[-1]
-            return solution
-        yield min(1.0, float(-np.log(max(log.residual, 1e-12)) / decades))
+            break
+        yield 0.9 * min(1.0, float(-np.log(max(log.residual, 1e-12)) / decades))
+    counted = patch_light(transport, patches, exitance, sky, solution, limits, settings.steps.gather_passes)
+    return solution, (yield from scaled(counted, 0.9, 1.0))
 
 
 def _pages(texels: Texels, irradiance: Float32, atlas: Atlas) -> Fractions[list[Float32]]:

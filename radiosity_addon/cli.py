@@ -46,6 +46,7 @@ class Verb:
     page_size: int | None = None
     quality: str | None = None
     tolerance: float | None = None
+    bounces: str | int | None = None
     threads: int | None = None
     write_back: str | None = None
     object: tuple[str, ...] = ()
@@ -100,6 +101,12 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
         help=f"share of the light left to bounce at the end; default: {BakeSettings.tolerance:g}",
     )
     bake.add_argument(
+        "--bounces",
+        type=_bounces,
+        metavar="all|scene|N",
+        help="how often light is reflected: until none is left, as often as Cycles may, or N times; default: all",
+    )
+    bake.add_argument(
         "--write-back",
         choices=("preview", "uv"),
         help="preview: materials show the light; uv: uv maps and images only; default: preview",
@@ -146,6 +153,15 @@ def _blend(text: str) -> Path:
 
 def _png(text: str) -> Path:
     return _path_with(text, ".png")
+
+
+def _bounces(text: str) -> str | int:
+    if text in ("all", "scene"):
+        return text
+    try:
+        return int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither all, scene nor a number") from error
 
 
 def _path_with(text: str, suffix: str) -> Path:

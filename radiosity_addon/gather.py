@@ -38,14 +38,16 @@ def final_gather(
     texel_width = float(np.sqrt(extent / max(1, int(np.count_nonzero(lit & (texels.area > 0)))))) or 1.0
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
-    table = light.radiance(patches)
-    rays = GatherRays(texels, patches, visibility, settings, table.sum(1))
+    bright = light.radiance(len(light.passes) - 1, patches)
+    rays = GatherRays(texels, patches, visibility, settings, bright.sum(1))
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
-    irradiance = yield from scaled(tally.sum(table, workers), 0.6, 0.65)
-    for _ in range(1, steps.gather_passes):
-        table = light.radiance(patches, irradiance, points.cell)
-        irradiance = yield from scaled(tally.sum(table, workers), 0.65, 0.7)
+    del bright
+    irradiance = np.zeros((points.count, 0), np.float32)
+    for number in range(len(light.passes)):
+        table = light.radiance(number, patches, irradiance if number else None, points.cell)
+        low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
+        irradiance = yield from scaled(tally.sum(table, workers), low, high)
     del table, tally
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)

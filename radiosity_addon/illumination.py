@@ -56,6 +56,19 @@ def world_radiance(scene: Scene) -> Float32:
     return radiance
 
 
+@dataclass(frozen=True, eq=False)
+class Exitance:
+    """What N patches send out before light passes between them; both (N, G, 3) float64, W/m2.
+
+    Attributes:
+        own: light of their own that is not sampled as a lamp
+        total: the same and reflected light of lamps and sky
+    """
+
+    own: Float64
+    total: Float64
+
+
 def first_exitance(
     patches: Patches,
     look: Appearance,
@@ -64,8 +77,8 @@ def first_exitance(
     lamps: Lamps,
     visibility: Visibility,
     groups: int,
-) -> Float64:
-    """What each patch sends out before any bounce (N, G, 3), W/m2: own light, and reflected light of lamps and sky."""
+) -> Exitance:
+    """What each patch sends out before any bounce: own light, and reflected light of lamps and sky."""
     exitance = patches.mean(direct * look.reflectance[:, None, :])
     backs = np.flatnonzero(patches.sides < 0)
     received = np.zeros((len(backs), groups, 3))
@@ -76,14 +89,29 @@ def first_exitance(
         )
     exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]
-    emitted = patches.emission > 0
+    own = np.zeros_like(exitance)
     group = np.zeros(patches.count, np.int32)
     front = patches.of_element[: patches.texels.count]
     group[front[front >= 0]] = look.group[front >= 0]
     back = patches.back
     group[back[back >= 0]] = look.group[back >= 0]
-    exitance[np.arange(patches.count), group] += np.where(emitted, patches.emission, 0)
-    return exitance
+    own[np.arange(patches.count), group] = np.maximum(patches.emission, 0)
+    return Exitance(own, exitance + own)
+
+
+@dataclass(frozen=True, eq=False)
+class PatchLight:
+    """The light of N patches in G light groups, as one gather pass reads it.
+
+    Attributes:
+        irradiance: (N, G, 3) float32, W/m2, from other patches and the sky
+        radiosity: (N, G, 3) float32, W/m2
+        reflecting: (G,) bool, groups whose light surfaces reflect; of the others only their own light is seen
+    """
+
+    irradiance: Float32
+    radiosity: Float32
+    reflecting: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,38 +121,41 @@ class Illumination:
     Attributes:
         look: reflectance and own light of texels
         direct: (T, G, 3) float32, W/m2, from lamps
-        patch_irradiance: (N, G, 3), W/m2, of patches, from other patches and the sky
-        patch_radiosity: (N, G, 3), W/m2
+        passes: the light of patches, for each gather pass
         world: (G, 3) float32, W/(m2 sr), seen by rays that leave
     """
 
     look: Appearance
     direct: Float32
-    patch_irradiance: Float32
-    patch_radiosity: Float32
+    passes: tuple[PatchLight, ...]
     world: Float32
 
-    def radiance(self, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None) -> Float32:
-        """What each element sends out, (T + N + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
+    def radiance(
+        self, number: int, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None
+    ) -> Float32:
+        """What each element sends out in a gather pass, (T + N + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
 
         Args:
+            number: of the pass
             indirect: (P, 3 G) indirect irradiance at gather points, or None to take the patches' everywhere
             at: (T,) gather point of each texel, -1 for none; goes with `indirect`
         """
+        light = self.passes[number]
         count, groups = len(self.direct), self.direct.shape[1]
         table = np.zeros((count + patches.count + SPECIAL_ROWS, groups, 3), np.float32)
         for start in range(0, count, 1 << 16):
             part = slice(start, min(start + (1 << 16), count))
             patch = patches.of_element[part]
-            received = self.patch_irradiance[np.maximum(patch, 0)].astype(np.float32)
+            received = light.irradiance[np.maximum(patch, 0)]
             if indirect is not None and at is not None:
                 fine = at[part] >= 0
                 received[fine] = indirect[at[part][fine]].reshape(-1, groups, 3)
             received += self.direct[part]
             received *= (self.look.reflectance[part] / np.float32(np.pi))[:, None, :]
             received[patch < 0] = 0
+            received[:, ~light.reflecting] = 0
             received[np.arange(len(patch)), self.look.group[part]] += self.look.emission[part]
             table[part] = received
-        table[count : count + patches.count] = self.patch_radiosity / np.pi
+        table[count : count + patches.count] = light.radiosity / np.float32(np.pi)
         table[-1] = self.world
         return table.reshape(len(table), -1)

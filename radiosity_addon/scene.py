@@ -7,6 +7,7 @@ a test) resolves what a lamp or shader means into radiometric quantities; the co
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -181,6 +182,7 @@ class Scene:
 
     Attributes:
         groups: names of the light groups; every light, emission and the world is in exactly one
+        bounces: most bounces of a group's light, by index of the group; those not in it bounce until none is left
         working_space: Blender's name of the linear RGB space of all triples
         warnings: what the extractor had to say
     """
@@ -190,6 +192,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
     groups: tuple[str, ...] = ("",)
+    bounces: Mapping[int, int] = field(default_factory=dict)
     working_space: str = "Linear Rec.709"
     warnings: tuple[str, ...] = ()
 

@@ -56,6 +56,9 @@ class BakeSettings:
         page_size: texels along an edge of a page
         quality: draft, medium or high
         tolerance: unshot share of the emitted power at which the solver stops
+        bounces: most reflections of light that a lightmap holds; None for all
+        clamp_direct, clamp_indirect: largest radiance, mean of the channels, that lamps may bring onto a texel, and
+            that reflected light may have, as Cycles clamps samples; 0 for no limit
         threads: worker threads; 0 takes all processors that the process may use
     """
 
@@ -63,6 +66,9 @@ class BakeSettings:
     page_size: int = 1024
     quality: QualityName = "medium"
     tolerance: float = 1e-4
+    bounces: int | None = None
+    clamp_direct: float = 0.0
+    clamp_indirect: float = 0.0
     threads: int = 0
     workers: int = field(init=False, default=1)
 
@@ -79,6 +85,11 @@ class BakeSettings:
             raise SettingsError("Quality", f"{self.quality!r} is unknown", "Choose from " + ", ".join(QUALITIES))
         if not 1e-8 <= self.tolerance < 1:
             raise SettingsError("Tolerance", f"{self.tolerance} is out of range", "Choose from 1e-8 to below 1")
+        if self.bounces is not None and self.bounces < 0:
+            raise SettingsError("Bounces", f"{self.bounces} is below zero", "Give 0 for direct light only, or more")
+        for clamp in (self.clamp_direct, self.clamp_indirect):
+            if not (math.isfinite(clamp) and clamp >= 0):
+                raise SettingsError("Clamp", f"{clamp} is out of range", "Give 0 for none, or a positive number")
         if not 0 <= self.threads <= 1024:
             raise SettingsError("Threads", f"{self.threads} is out of range", "Choose from 0 (all) to 1024")
         object.__setattr__(self, "workers", self.threads or usable_processors())

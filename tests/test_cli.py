@@ -74,7 +74,7 @@ def test_a_folder_is_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> None:
-    words = "--textures t --density 32 --page-size 512 --quality high --tolerance 1e-4 --write-back uv"
+    words = "--textures t --density 32 --page-size 512 --quality high --tolerance 1e-4 --bounces 3 --write-back uv"
     more = "--report r.json --render p.png --object Wall Floor --object Lamp --threads 2 --quiet"
     assert cli.main(["bake", str(blend), "-o", "out.blend", *words.split(), *more.split()]) == 0
     here = Path.cwd()
@@ -91,6 +91,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
                 page_size=512,
                 quality="high",
                 tolerance=1e-4,
+                bounces=3,
                 threads=2,
                 write_back="uv",
                 object=("Wall", "Floor", "Lamp"),

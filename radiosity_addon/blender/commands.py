@@ -20,6 +20,7 @@ from .blend_files import save_blend, silence
 from .extract import extract_scene
 from .job import Job, bake_scene
 from .names import is_baked
+from .properties import cycles_limits
 from .render_picture import render_picture
 from .revert import revert as take_out_of
 
@@ -44,7 +45,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
     textures = verb.textures or output.with_name(f"{output.stem}_textures")
     scene = bpy.context.scene
     job = Job(
-        settings=_settings(scene, verb),
+        settings=bake_settings(scene, verb),
         write_back=verb.write_back or scene.radiosity.write_back,
         folder=textures,
         stem=output.stem,
@@ -87,7 +88,7 @@ def revert(verb: Verb) -> None:
 def info(verb: Verb) -> str:
     """What a bake of the open scene would do: objects baked and not and why, texels, pages, memory."""
     scene = bpy.context.scene
-    settings = _settings(scene, verb)
+    settings = bake_settings(scene, verb)
     with silence():
         extraction = extract_scene(scene)
         atlas = finish(build_atlas(extraction.scene, settings))
@@ -119,10 +120,14 @@ def _texels(atlas: Atlas, mesh: int) -> int:
     return round(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2 * atlas.size**2)
 
 
-def _settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
+def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
     """The scene's settings, and what the command line says in their place."""
     names = ("density", "page_size", "quality", "tolerance", "threads")
     given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
+    if verb.bounces is not None:
+        given |= {"bounces": None, "clamp_direct": 0.0, "clamp_indirect": 0.0}
+        given |= cycles_limits(scene) if verb.bounces == "scene" else {}
+        given |= {"bounces": verb.bounces} if isinstance(verb.bounces, int) else {}
     return replace(scene.radiosity.bake_settings(), **given)
 
 

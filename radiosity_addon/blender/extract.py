@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32
+from ..bounces import ENDLESS
 from ..errors import SceneError
 from ..scene import Light, Material, Mesh, Scene, World
 from .evaluation import at_render_settings
@@ -104,7 +105,7 @@ class _Reading:
         self.depsgraph = depsgraph
         self.only = only
         self.layer = depsgraph.view_layer
-        self.groups: list[str] = [""]
+        self.groups: list[tuple[str, int | None]] = [("", None)]
         self.materials: list[Material] = []
         self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
         self.shapes: dict[int, Shape] = {}
@@ -137,7 +138,8 @@ class _Reading:
             materials=tuple(self.materials),
             lights=tuple(self.lights),
             world=world,
-            groups=tuple(self.groups),
+            groups=tuple(name for name, _ in self.groups),
+            bounces={index: limit for index, (_, limit) in enumerate(self.groups) if limit is not None},
             working_space=working_space(),
             warnings=tuple(self.warnings),
         )
@@ -292,7 +294,7 @@ class _Reading:
     def read_lamp(self, lamp: bpy.types.Object, matrix: Float64) -> None:
         hears = self.hears(f"Lamp {lamp.name!r}")
         try:
-            light = read_lamp(lamp, matrix, self.group(lamp.lightgroup), hears)
+            light = read_lamp(lamp, matrix, self.group(lamp.lightgroup, lamp.data), hears)
         except LinkCycle:
             hears("has a node tree that feeds back into itself, and gives no light")
             return
@@ -305,16 +307,21 @@ class _Reading:
             return World()
         hears = self.hears(f"World {world.name!r}")
         try:
-            return read_world(world, self.group(world.lightgroup), hears)
+            return read_world(world, self.group(world.lightgroup, world), hears)
         except LinkCycle:
             hears("has a node tree that feeds back into itself, and gives no light")
             return World()
 
-    def group(self, name: str) -> int:
-        """Index of a light group; those that the view layer does not know are none."""
-        if name not in self.groups and name in self.layer.lightgroups:
-            self.groups.append(name)
-        return self.groups.index(name) if name in self.groups else 0
+    def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:
+        """Index of a light group; names that the view layer does not know are none.
+
+        A `light` whose bounces are limited is one of a group that bounces as often.
+        """
+        limit = getattr(getattr(light, "cycles", None), "max_bounces", ENDLESS)
+        wanted = (name if name in self.layer.lightgroups else "", limit if limit < ENDLESS else None)
+        if wanted not in self.groups:
+            self.groups.append(wanted)
+        return self.groups.index(wanted)
 
     def warn(self, text: str) -> None:
         """Once each: every instance of an object would say the same."""

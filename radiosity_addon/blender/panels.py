@@ -82,6 +82,7 @@ class RADIOSITY_PT_solver(RenderPanel, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
+        layout.prop(context.scene.radiosity, "bounces")
         layout.prop(context.scene.radiosity, "tolerance")
         layout.prop(context.scene.radiosity, "threads")
 

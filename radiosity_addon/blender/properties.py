@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
@@ -10,6 +12,18 @@ from ..settings import MAX_PAGE_SIZE, BakeSettings
 
 RELATIVE_PATH = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else {"ANIMATABLE"}
 """Before 4.5 every path could be relative to the .blend."""
+
+
+def cycles_limits(scene: bpy.types.Scene) -> dict[str, Any]:
+    """Settings of a bake that make it as limited as the scene's renders; without Cycles there are no limits."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return {}
+    return {
+        "bounces": min(cycles.diffuse_bounces, cycles.max_bounces),
+        "clamp_direct": cycles.sample_clamp_direct,
+        "clamp_indirect": cycles.sample_clamp_indirect,
+    }
 
 
 class RadiositySceneSettings(bpy.types.PropertyGroup):
@@ -55,6 +69,15 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         precision=6,
         step=0.1,
     )
+    bounces: EnumProperty(
+        name="Bounces",
+        description="How often light is reflected",
+        items=(
+            ("all", "All", "Until none is left to reflect"),
+            ("scene", "As the Scene", "As often, and as bright, as the scene's Cycles settings allow"),
+        ),
+        default="all",
+    )
     threads: IntProperty(
         name="Threads",
         description="Processors to use, 0 for all",
@@ -91,6 +114,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
             quality=self.quality,
             tolerance=self.tolerance,
             threads=self.threads,
+            **(cycles_limits(self.id_data) if self.bounces == "scene" else {}),
         )
 
 
