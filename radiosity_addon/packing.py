@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Float32, Float64, Int64
+from .arrays import Bools, Float32, Float64, Int64
 
 COLUMN_STEPS = 512
 """A skyline is tried at this many columns at most, so that large pages stay fast."""
@@ -49,6 +49,7 @@ class Items:
     Attributes:
         points: (N, 3, 2) float64, triangles; the triangles of an item are neighbours
         first: (I + 1,) int64, where each item's triangles begin
+        upright: (I,) bool, items that must not be turned; by default none
         low, extent: (I, 2) float64, lower corner and size of the box around each
         area: (I,) float64
         rim: (R,) int64, edges that can touch the contour, 3 triangle + corner
@@ -56,6 +57,7 @@ class Items:
 
     points: Float64
     first: Int64
+    upright: Bools = field(default_factory=lambda: np.zeros(0, bool))
     low: Float64 = field(init=False)
     extent: Float64 = field(init=False)
     area: Float64 = field(init=False)
@@ -66,6 +68,8 @@ class Items:
         high = np.maximum.reduceat(self.points.max(axis=1), self.first[:-1])
         a, b = self.points[:, 1] - self.points[:, 0], self.points[:, 2] - self.points[:, 0]
         area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+        if not len(self.upright):
+            object.__setattr__(self, "upright", np.zeros(self.count, bool))
         object.__setattr__(self, "rim", _rim(self.points, self.index))
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "extent", high - low)
@@ -79,13 +83,6 @@ class Items:
     def index(self) -> Int64:
         """(N,) item of each triangle."""
         return np.repeat(np.arange(self.count), np.diff(self.first))
-
-    def chosen(self, items: Int64) -> Items:
-        """Only these items, in this order."""
-        count = np.diff(self.first)[items]
-        first = np.append(0, np.cumsum(count))
-        triangles = np.arange(first[-1]) - np.repeat(first[:-1] - self.first[items], count)
-        return Items(self.points[triangles], first)
 
 
 def _rim(points: Float64, item: Int64) -> Int64:
@@ -138,12 +135,9 @@ def fill_page(items: Items, size: int, padding: int) -> Generator[None, None, Pl
         size: texels along the page
         padding: even; texels between items, half of it to the page's border
     """
-    # A shape of area A padded on all sides has at least (sqrt(A) + padding)^2 (Brunn and Minkowski).
-    edge, spare = float(np.sqrt(items.area).sum()), size**2 - items.count * padding**2
-    if spare <= 0:
+    upper = min((size - padding) / float(items.extent.max()), scale_of_area(items.area, size, padding))
+    if upper <= 0:
         return None
-    root = np.sqrt((padding * edge) ** 2 + float(items.area.sum()) * spare)
-    upper = float(min((size - padding) / items.extent.max(), (root - padding * edge) / items.area.sum()))
     scale, best, smallest = upper, None, upper * 1e-4
     step = 0.9
     while best is None:
@@ -161,14 +155,33 @@ def fill_page(items: Items, size: int, padding: int) -> Generator[None, None, Pl
     return best
 
 
-def place(items: Items, scale: float, size: int, padding: int) -> Generator[None, None, Placement | None]:
-    """The items on one page at a scale in texels per unit, None if they don't fit."""
+def scale_of_area(area: Float64, size: int, padding: int) -> float:
+    """Texels per unit at which padded items of these areas (I,) cover a page; 0 where the padding alone does.
+
+    A shape of area A padded on all sides has at least (sqrt(A) + padding)^2 (Brunn and Minkowski).
+    """
+    edge, spare = float(np.sqrt(area).sum()), size**2 - len(area) * padding**2
+    root = np.sqrt((padding * edge) ** 2 + float(area.sum()) * max(spare, 0))
+    return float((root - padding * edge) / area.sum())
+
+
+def place(
+    items: Items, scale: float, size: int, padding: int, height: float | None = None
+) -> Generator[None, None, Placement | None]:
+    """The items on one page at a scale in texels per unit, None if they don't fit.
+
+    Args:
+        size: texels along the page
+        padding: even; texels between items, half of it to the page's border
+        height: of the page where it is not square; may be infinite
+    """
     half = padding // 2
     texels = items.extent * scale
-    if (texels.max() > size - padding + 1e-6) or items.area.sum() * scale**2 > size**2:
+    height = size if height is None else height
+    if (texels.max() > max(size, height) - padding + 1e-6) or items.area.sum() * scale**2 > size * height:
         return None
     outlines = _outlines(items, scale, half)
-    if outlines.covered() > size**2:
+    if outlines.covered() > size * height:
         return None
     small = np.argsort(-texels.max(axis=1), kind="stable")[SINGLES:]
     strips = _strips(small[(texels[small] <= TINY * size).all(axis=1)], texels, padding, STRIP * size)
@@ -186,7 +199,7 @@ def place(items: Items, scale: float, size: int, padding: int) -> Generator[None
     orders = (np.lexsort((-lengths[:, 0], -lengths[:, 1])), np.lexsort((-lengths[:, 1], -lengths[:, 0])))
     corner = items.low * scale
     for order in orders:
-        spots = yield from _stack(shapes, order, size)
+        spots = yield from _stack(shapes, order, size, height)
         if spots is None:
             continue
         turn, offset = np.zeros(items.count, np.int64), np.zeros((items.count, 2))
@@ -197,8 +210,8 @@ def place(items: Items, scale: float, size: int, padding: int) -> Generator[None
                 continue
             shape = outlines.turns(int(inside[0]))[way]
             turn[inside] = shape.turn
-            width, height = (float(edge) for edge in outlines.box[inside[0]])
-            home = ((0.0, 0.0), (height, 0.0), (width, height), (0.0, width))[shape.turn]
+            wide, high = (float(edge) for edge in outlines.box[inside[0]])
+            home = ((0.0, 0.0), (high, 0.0), (wide, high), (0.0, wide))[shape.turn]
             spot = np.array([x + half + home[0], y + shape.lift + home[1]])
             offset[inside] = spot - turned(corner[inside[0]], np.array(shape.turn))
         return Placement(scale, turn, offset)
@@ -218,12 +231,13 @@ class _Shape:
 
 @dataclass(frozen=True, eq=False)
 class _Outlines:
-    """Contours of all items seen along y (by column) and along x (by row), ragged."""
+    """Contours of all items seen along y (by column) and along x (by row), ragged; `fixed` ones may not be turned."""
 
     first: tuple[Int64, Int64]
     low: tuple[Float64, Float64]
     high: tuple[Float64, Float64]
     box: Int64
+    fixed: Bools
 
     def turns(self, item: int) -> tuple[_Shape, ...]:
         width, height = (float(edge) for edge in self.box[item])
@@ -232,7 +246,10 @@ class _Outlines:
             for axis in (0, 1)
             for span in [slice(int(self.first[axis][item]), int(self.first[axis][item + 1]))]
         )
-        upright, lying = _shape(low_x, high_x, 0), _shape(low_y[::-1], high_y[::-1], 1)
+        upright = _shape(low_x, high_x, 0)
+        if self.fixed[item]:
+            return (upright,)
+        lying = _shape(low_y[::-1], high_y[::-1], 1)
         over = _shape(height - high_x[::-1], height - low_x[::-1], 2)
         if np.abs(over.floor - upright.floor).max() < SAME and np.abs(over.ceiling - upright.ceiling).max() < SAME:
             return upright, lying
@@ -292,7 +309,7 @@ def _outlines(items: Items, scale: float, half: int) -> _Outlines:
         low[empty], high[empty] = 0, 0
         lows.append(low)
         highs.append(high)
-    return _Outlines((firsts[0], firsts[1]), (lows[0], lows[1]), (highs[0], highs[1]), box)
+    return _Outlines((firsts[0], firsts[1]), (lows[0], lows[1]), (highs[0], highs[1]), box, items.upright)
 
 
 def _strips(small: Int64, texels: Float64, padding: int, length: float) -> list[Int64]:
@@ -311,9 +328,9 @@ def _block(texels: Float64, padding: int) -> tuple[_Shape, ...]:
 
 
 def _stack(
-    shapes: list[tuple[_Shape, ...]], order: Int64, size: int
+    shapes: list[tuple[_Shape, ...]], order: Int64, size: int, room: float
 ) -> Generator[None, None, list[tuple[int, float, float]] | None]:
-    """Drops the shapes onto the skyline in this order: turn, column and height of each, None if the page is too low."""
+    """Drops the shapes onto the skyline in this order: turn, column, height of each; None if `room` is too low."""
     skyline = np.zeros(size, np.float32)
     step = -(-size // COLUMN_STEPS)
     spots: list[tuple[int, float, float]] = [(0, 0.0, 0.0)] * len(shapes)
@@ -324,14 +341,14 @@ def _stack(
         filled = np.append(0.0, np.cumsum(skyline))
         for way, shape in enumerate(shapes[which]):
             width = len(shape.floor)
-            if width > size or shape.height > size + 1e-6:
+            if width > size or shape.height > room + 1e-6:
                 continue
             spots_across = (size - width) // step + 1
             windows = np.ndarray((width, spots_across), skyline.dtype, skyline, strides=(4, 4 * step))
             heights = (windows - shape.floor[:, None]).max(axis=0)
             below = (filled[width:] - filled[: size - width + 1])[::step] / width
             score = heights * (1 + WASTE) - WASTE * below + (shape.height + WASTE * float(shape.floor.mean()))
-            score[heights + shape.height > size + 1e-6] = np.inf
+            score[heights + shape.height > room + 1e-6] = np.inf
             column = int(np.argmin(score))
             if score[column] < (np.inf if best is None else best[0] - 1e-9):
                 best = (float(score[column]), way, column * step, float(heights[column]))

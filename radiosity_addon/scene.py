@@ -57,6 +57,9 @@ class Mesh:
         lightmapped: gets a place on a page; otherwise it only shadows, bounces and emits
         density: multiplier of the texel density
         uv: (F, 3, 2) float32 in 0..1 to keep an existing map instead of unwrapping, or None
+        shape: meshes of the same number, 0 and up, share one unwrap, which each scales and shifts as a whole: their
+            polygons, corners and existing maps are the same and their vertices differ by little more than a
+            similarity; None: an unwrap of its own
     """
 
     name: str
@@ -69,6 +72,7 @@ class Mesh:
     lightmapped: bool = True
     density: float = 1.0
     uv: Float32 | None = None
+    shape: int | None = None
 
 
 @dataclass(frozen=True)

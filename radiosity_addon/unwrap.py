@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from .arrays import Float32, Float64, Int32, Int64
 from .cells import HIDDEN_SHARE, lay_cells
 from .errors import SceneError, SettingsError
-from .packing import Items, Placement, fill_page, place
+from .families import Family, Place, boxes, lay_blocks, layout_of, make_family, shared_shapes
+from .packing import Items, Placement, fill_page, place, scale_of_area
 from .parametrize import Flat, flatten_meshes, scaled
 from .scene import Mesh, Scene
 from .settings import BakeSettings
@@ -22,6 +23,10 @@ MIPMAP_PAGE = 512
 
 WIDE_PADDING, PADDING = 4, 2
 """Texels between charts: two footprints of one texel, twice that for the first mip level."""
+
+TRIES = 8
+SAME_SCALE = 0.98
+"""Blocks are laid anew until their gaps are at least this share of the padding."""
 
 FILL_STEPS = 5
 """Halvings in the search for the objects that a page holds."""
@@ -48,6 +53,8 @@ class Atlas:
         density: (M,) float64, texels per metre reached; 0 without a page
         fill: (page_count,) float64, share of each page that charts cover
         warnings: what did not go as usual
+        layouts: of each Mesh.shape that several meshes share, (L, 2) float32 in 0..1, the uv of polygon corners
+        places: of each mesh that takes part in one, by index: its uv are scale * layout + (u, v), as (scale, u, v)
     """
 
     size: int
@@ -59,6 +66,8 @@ class Atlas:
     density: Float64
     fill: Float64
     warnings: tuple[str, ...]
+    layouts: Mapping[int, Float32] = field(default_factory=dict)
+    places: Mapping[int, Place] = field(default_factory=dict)
 
 
 def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, Atlas]:
@@ -72,64 +81,95 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
     """
     for mesh in scene.meshes:
         _check(mesh)
-    meshes = [index for index, mesh in enumerate(scene.meshes) if mesh.lightmapped and len(mesh.triangles)]
-    steps = flatten_meshes([scene.meshes[index] for index in meshes])
+    meshes = scene.meshes
+    shared = shared_shapes(meshes)
+    led = {index for members in shared.values() for index in members[1:]}
+    leaders = [i for i, mesh in enumerate(meshes) if mesh.lightmapped and len(mesh.triangles) and i not in led]
+    steps = flatten_meshes([meshes[index] for index in leaders])
     flats, warnings = yield from scaled(steps, 0.0, 0.7)
-    flat_of = {index: flat for index, flat in zip(meshes, flats, strict=True) if flat is not None}
-    owners = list(flat_of)
-    items = [_items(flat_of[index], scene.meshes[index].density) for index in owners]
+    flat_of = {index: flat for index, flat in zip(leaders, flats, strict=True) if flat is not None}
+    families = [
+        make_family(meshes, shape, members, flat_of.pop(members[0]))
+        for shape, members in shared.items()
+        if members[0] in flat_of
+    ]
+    owners = [*flat_of, *(index for family in families for index in family.members)]
+    alone = [_items(flat, meshes[index].density) for index, flat in flat_of.items()]
     padding = WIDE_PADDING if settings.page_size >= MIPMAP_PAGE else PADDING
     pages: list[Packed] = []
+    blocks: list[Float64] = []
     if settings.density is not None:
-        names = [scene.meshes[index].name for index in owners]
+        blocks = yield from scaled(lay_blocks(families, settings.density, settings.page_size, padding), 0.7, 0.7)
+        items = alone + boxes(families, blocks)
+        names = [meshes[index].name for index in owners]
         pages = yield from scaled(_many_pages(items, names, settings.density, settings.page_size, padding), 0.7, 0.95)
-    elif items:
-        page, narrower = yield from scaled(_one_page(items, settings.page_size, padding), 0.7, 0.95)
-        pages, warnings = [page], warnings + narrower
+    elif alone or families:
+        filling = _one_page(alone, families, settings.page_size, padding)
+        page, blocks, narrower = yield from scaled(filling, 0.7, 0.95)
+        items, pages, warnings = alone + boxes(families, blocks), [page], warnings + narrower
 
-    count = len(scene.meshes)
-    atlas_uv = [np.zeros((len(mesh.triangles), 3, 2), np.float32) for mesh in scene.meshes]
-    atlas_chart = [np.zeros(len(mesh.triangles), np.int32) for mesh in scene.meshes]
-    page_of, density = np.full(count, -1, np.int32), np.zeros(count)
+    laid = _Laid(meshes)
+    layouts = [layout_of(family, meshes, block) for family, block in zip(families, blocks, strict=True)]
+    member_of = {index: (number, k) for number, each in enumerate(families) for k, index in enumerate(each.members)}
+    places: dict[int, Place] = {}
     fill = np.zeros(len(pages))
-    charts = 0
     for number, (objects, placement) in enumerate(pages):
-        together = _joined([items[which] for which in objects])
-        texels = placement.applied(together)
-        fill[number] = together.area.sum() * placement.scale**2 / settings.page_size**2
+        texels = placement.applied(_joined([items[which] for which in objects]))
         begin = 0
         for which in objects:
-            index = owners[which]
-            flat = flat_of[index]
-            end = begin + len(flat.chart)
+            index, end = owners[which], begin + len(items[which].points)
             spots = texels[begin:end] / settings.page_size
             assert np.abs(spots - 0.5).max() < 0.5 + 1e-4, "packed beyond the page"
-            atlas_uv[index][_item_order(flat)] = np.clip(spots, 0, 1)
-            atlas_chart[index] = (flat.chart + charts).astype(np.int32)
-            charts += int(flat.chart.max()) + 1
             begin = end
-            page_of[index] = number
-            density[index] = placement.scale * scene.meshes[index].density
-    real = density[density > 0]
+            if index in flat_of:
+                flat, covered = flat_of[index], float(items[which].area.sum())
+                uv = np.empty((len(flat.chart), 3, 2), np.float32)
+                uv[_item_order(flat)] = np.clip(spots, 0, 1)
+                laid.put(index, number, uv, flat.chart, placement.scale * meshes[index].density)
+            else:
+                family, layout = families[member_of[index][0]], layouts[member_of[index][0]]
+                scale, size = family.scale[member_of[index][1]], family.size[member_of[index][1]]
+                covered = float(family.chart_area.sum() * scale**2)
+                places[index] = layout.place(placement.scale * scale / settings.page_size, spots)
+                uv, chart = layout.placed(meshes[index], places[index])
+                laid.put(index, number, uv, chart, placement.scale * scale / size)
+            fill[number] += covered * placement.scale**2 / settings.page_size**2
+    real = laid.density[laid.density > 0]
     coarse = HIDDEN_SHARE * (float(np.median(real)) if len(real) else settings.density or 0.0)
-    hidden = [index for index, mesh in enumerate(scene.meshes) if not mesh.lightmapped and len(mesh.triangles)]
-    cells = lay_cells([scene.meshes[index] for index in hidden], coarse, settings.page_size)
+    hidden = [index for index, mesh in enumerate(meshes) if not mesh.lightmapped and len(mesh.triangles)]
+    cells = lay_cells([meshes[index] for index in hidden], coarse, settings.page_size)
     for index, cell in zip(hidden, cells, strict=True):
-        page_of[index] = len(pages) + cell.page
-        atlas_uv[index], density[index] = cell.uv, cell.density
-        atlas_chart[index] = cell.chart + np.int32(charts)
-        charts += int(cell.chart.max()) + 1
+        laid.put(index, len(pages) + cell.page, cell.uv, cell.chart, cell.density)
     return Atlas(
         size=settings.page_size,
-        page=page_of,
+        page=laid.page,
         page_count=len(pages),
         hidden_page_count=max((cell.page + 1 for cell in cells), default=0),
-        uv=tuple(atlas_uv),
-        chart=tuple(atlas_chart),
-        density=density,
+        uv=tuple(laid.uv),
+        chart=tuple(laid.chart),
+        density=laid.density,
         fill=fill,
         warnings=warnings,
+        layouts={family.shape: layout.uv for family, layout in zip(families, layouts, strict=True)},
+        places=places,
     )
+
+
+class _Laid:
+    """Meshes put on pages one after the other; those that never are have no surface."""
+
+    def __init__(self, meshes: tuple[Mesh, ...]) -> None:
+        self.uv = [np.zeros((len(mesh.triangles), 3, 2), np.float32) for mesh in meshes]
+        self.chart = [np.zeros(len(mesh.triangles), np.int32) for mesh in meshes]
+        self.page = np.full(len(meshes), -1, np.int32)
+        self.density = np.zeros(len(meshes))
+        self.charts = 0
+
+    def put(self, index: int, page: int, uv: Float32, chart: Int32 | Int64, density: float) -> None:
+        """One mesh, its charts counted from 0."""
+        self.uv[index], self.page[index], self.density[index] = uv, page, density
+        self.chart[index] = (chart + self.charts).astype(np.int32)
+        self.charts += int(chart.max()) + 1
 
 
 def _check(mesh: Mesh) -> None:
@@ -153,18 +193,34 @@ def _items(flat: Flat, multiplier: float) -> Items:
 
 def _joined(parts: list[Items]) -> Items:
     counts = np.concatenate([np.diff(part.first) for part in parts])
-    return Items(np.concatenate([part.points for part in parts]), np.append(0, np.cumsum(counts)))
+    points, upright = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "upright"))
+    return Items(points, np.append(0, np.cumsum(counts)), upright)
 
 
-def _one_page(items: list[Items], size: int, padding: int) -> Generator[None, None, tuple[Packed, tuple[str, ...]]]:
-    """Everything on one page, as dense as it goes."""
-    together = _joined(items)
+def _one_page(
+    alone: list[Items], families: list[Family], size: int, padding: int
+) -> Generator[None, None, tuple[Packed, list[Float64], tuple[str, ...]]]:
+    """Everything on one page, as dense as it goes, and the families' blocks.
+
+    The gaps in a block are laid for texels of an expected size; that of all charts without families is its bound.
+    """
+    area = np.concatenate(
+        [item.area for item in alone] + [np.outer(family.scale**2, family.chart_area).ravel() for family in families]
+    )
     for gap in sorted({padding, PADDING}, reverse=True):
-        placement = yield from fill_page(together, size, gap)
-        if placement is not None:
-            warning = f"{together.count} charts on one page leave only {gap} texels between them"
-            return (list(range(len(items))), placement), (warning,) if gap < padding else ()
-    cause = f"{together.count} charts don't fit on one page of {size} texels"
+        texels = scale_of_area(area, size, gap)
+        for _ in range(TRIES if texels else 0):
+            blocks = yield from lay_blocks(families, texels, size, gap)
+            items = alone + boxes(families, blocks)
+            placement = yield from fill_page(_joined(items), size, gap)
+            if placement is None:
+                break
+            if not families or placement.scale >= SAME_SCALE * texels:
+                warning = f"{len(area)} charts on one page leave only {gap} texels between them"
+                packed = list(range(len(items))), placement
+                return packed, blocks, (warning,) if gap < padding else ()
+            texels = placement.scale * np.sqrt(placement.scale / texels)
+    cause = f"{len(area)} charts don't fit on one page of {size} texels"
     raise SettingsError("Page size", cause, "Choose larger pages, or a density to use several")
 
 
