@@ -48,7 +48,7 @@ def test_light_of_walls_that_glow_is_direct_light(bounces, quality):
 
 @pytest.mark.parametrize("bounces, expected", [(0, 0.5), (1, 0.5 + 0.5 * RHO * 0.5)])
 def test_skylight_is_direct_light(bounces, expected):
-    """A wall of infinite length and height stands on an endless floor: each sees half of the sky, and half of the other.
+    """A wall of infinite length and height stands on an endless floor: each sees half of the sky, half of the other.
 
     Beside the edge the wall's H is pi / 2 and half of the floor's view is the wall: H = pi (1 + rho / 2) / 2.
     """
