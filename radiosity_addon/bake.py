@@ -18,9 +18,10 @@ from .illumination import Exitance, Illumination, PatchLight, appearance_of, fir
 from .lightmap import compose
 from .lights import direct_irradiance, lamps_of
 from .patches import Patches, group_patches
-from .radiosity import Solution, refine
+from .radiosity import Solution
 from .scene import Scene
 from .settings import BakeSettings
+from .solvers import SOLVERS
 from .stages import Progress, Stage, StageLog
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
@@ -129,7 +130,7 @@ def _light_between(
 ) -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
     """Refine to the tolerance, the share done by the residual's decades; then the bounces that are counted."""
     endless = np.array([limit is None for limit in limits])[:, None]
-    steps = refine(transport, patches, exitance.total * endless, settings.tolerance)
+    steps = SOLVERS[settings.solver](transport, patches, exitance.total * endless, settings.tolerance)
     decades = -np.log(settings.tolerance)
     while True:
         try:

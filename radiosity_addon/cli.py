@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from .errors import BakeError, OutputError, SceneError, explained
 from .progress import Meter, short_count
-from .settings import QUALITIES, BakeSettings
+from .settings import QUALITIES, SOLVER_NAMES, BakeSettings
 
 if TYPE_CHECKING:
     from .report import Report
@@ -45,6 +45,7 @@ class Verb:
     density: float | None = None
     page_size: int | None = None
     quality: str | None = None
+    solver: str | None = None
     tolerance: float | None = None
     bounces: str | int | None = None
     threads: int | None = None
@@ -94,6 +95,11 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     bake.add_argument("--textures", type=Path, metavar="DIR", help="folder of the pages; default: BAKED_textures")
     _add_density(bake)
     bake.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
+    bake.add_argument(
+        "--solver",
+        choices=SOLVER_NAMES,
+        help=f"how the equation is solved; all end alike; default: {BakeSettings.solver}",
+    )
     bake.add_argument(
         "--tolerance",
         type=float,

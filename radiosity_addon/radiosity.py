@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radiosity equation B = E + rho F B, solved on the traced transport.
+"""The radiosity equation B = E + rho F B, and what every way of solving it shares.
 
-Progressive refinement (Cohen, Chen, Wallace and Greenberg 1988): patches shoot the light that they have not shot yet
-to all others, which reflect it and have unshot light in turn. Every state on the way is a picture that only lacks
-later bounces. Light groups and colour channels ride along as columns.
+All ways keep the same books. Of the radiosity, `shot` was sent to the other patches, which received the irradiance
+H = F shot; what they have not sent on is unshot = E + rho H - shot. A step shoots light of some patches or of all,
+and the solvers (solvers.py) only differ in which (Gortler, Cohen and Slusallek 1994). E + rho H is a picture that
+lacks later bounces. Light groups and colour channels ride along as columns.
 """
 
 from __future__ import annotations
@@ -17,19 +18,6 @@ import numpy as np
 from .arrays import Float64, Floats, Int64
 from .form_factor import Transport
 from .patches import Patches
-
-SHOOTING_SHARE = 0.1
-"""A step shoots each patch whose unshot power is at least this share of the largest. Higher ones send a little less
-light twice, but in many more steps; at 0.1 a room takes as many steps as bounces, the fewest that are possible."""
-
-MOST_STEPS = 500
-"""Steps after which block refinement stops unfinished; a closed room of reflectance 0.99 is then at 0.7 %."""
-
-MOST_SINGLE_SHOTS = 1_000_000
-"""Shots after which one-patch refinement stops unfinished."""
-
-Chooser: TypeAlias = Callable[[Float64], tuple[Int64, float]]
-"""Given the unshot power (N,) of each patch: the patches (S,) that shoot now, and the threshold they were above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +53,8 @@ class SolverState:
         reflectance: (N, 1, 3) float64
         irradiance: (N, G, 3) float64, W/m2, received from patches so far
         unshot: (N, G, 3) float64, W/m2, part of the radiosity that was not shot yet
+        ambient: (G, 3) float64, W/m2, irradiance that the unshot light may bring in the end
         shooters: (S,) int64, patches that shot in this step
-        threshold: unshot power from which on patches shot, in shares of its group's emitted power, groups summed
         shots: patches shot so far, counted each time
         residual: unshot share of the emitted power, channels summed, of the group where it is largest
         balance: where the light has gone
@@ -76,8 +64,8 @@ class SolverState:
     reflectance: Float64
     irradiance: Float64
     unshot: Float64
+    ambient: Float64
     shooters: Int64
-    threshold: float
     shots: int
     residual: float
     balance: Balance
@@ -87,17 +75,10 @@ class SolverState:
         """Radiosity (N, G, 3) so far, W/m2: exitance + reflectance * irradiance."""
         return self.exitance + self.reflectance * self.irradiance
 
-    def with_ambient(self, area: Float64) -> Float64:
-        """Radiosity (N, G, 3), W/m2, with a guess at the light still to come, for previews.
-
-        The unshot light is taken as spread evenly and reflected for ever by the mean reflectance, in a room that
-        nothing leaves (Cohen et al. 1988, section 5).
-        """
-        weight = (area / area.sum())[:, None, None]
-        mean_reflectance = np.minimum((weight * self.reflectance).sum(0), 0.99)
-        ambient = (weight * self.unshot).sum(0) / (1 - mean_reflectance)
-        brightened: Float64 = self.radiosity + self.reflectance * ambient
-        return brightened
+    @property
+    def with_ambient(self) -> Float64:
+        """Radiosity (N, G, 3), W/m2, with a guess at the light still to come, for previews (Cohen et al. 1988)."""
+        return self.radiosity + self.reflectance * self.ambient
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,126 +108,114 @@ Refinement: TypeAlias = Generator[SolverState, None, Solution]
 """Yields the state after each step, returns the solution."""
 
 
-def refine(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_STEPS
-) -> Refinement:
-    """Block progressive refinement: all patches above a falling threshold of unshot power shoot at once.
+class UnshotLight:
+    """The light of N patches while it is solved for; arrays are (N, C), C = 3 G columns.
 
-    Args:
-        transport: exchange between the N patches
-        patches: for their reflectance (N, 3)
-        exitance: (N, G, 3), W/m2, what each patch emits, and reflects of the lamps' light, in each light group
-        tolerance: residual at which it ends
-        most_steps: steps at which it ends even so
-    """
-    threshold = np.inf
-
-    def above_threshold(power: Float64) -> tuple[Int64, float]:
-        nonlocal threshold
-        threshold = min(threshold, SHOOTING_SHARE * float(power.max()))
-        return np.flatnonzero(power >= threshold), threshold
-
-    return _progress(transport, patches, exitance, above_threshold, tolerance, most_steps)
-
-
-def southwell(
-    transport: Transport,
-    patches: Patches,
-    exitance: Floats,
-    tolerance: float = 1e-3,
-    most_steps: int = MOST_SINGLE_SHOTS,
-) -> Refinement:
-    """One-patch progressive refinement, the reference for `refine` (same arguments).
-
-    The patch with the most unshot power shoots alone: Southwell relaxation (Gortler, Cohen and Slusallek 1994).
+    Attributes:
+        transport: exchange between the patches
+        reflectance: (N, C)
+        exitance: (N, C), W/m2, what was given
+        irradiance: (N, C), W/m2, received so far
+        unshot: (N, C), W/m2
+        shots: patches shot so far
     """
 
-    def largest(power: Float64) -> tuple[Int64, float]:
-        chosen = int(power.argmax())
-        return np.array([chosen]), float(power[chosen])
+    def __init__(self, transport: Transport, patches: Patches, exitance: Floats) -> None:
+        count, self._groups = exitance.shape[:2]
+        self.transport = transport
+        self.reflectance = np.tile(patches.reflectance.astype(np.float64), (1, self._groups))
+        self.exitance = np.array(exitance, np.float64).reshape(count, 3 * self._groups)
+        self.unshot = self.exitance.copy()
+        self.irradiance = np.zeros_like(self.exitance)
+        self.shots = 0
+        self._area = transport.area[:, None]
+        self._emitted = (self._area * self.exitance).sum(0)
+        self._shot, self._reflected, self._absorbed, self._escaped = np.zeros((4, 3 * self._groups))
+        # Power is counted in shares of its group's, so that the order of shots does not change with a lamp's strength.
+        by_group = np.abs(self._area * self.exitance).sum(0).reshape(self._groups, 3).sum(1)
+        self._weight = np.repeat(1 / np.where(by_group > 0, by_group, np.inf), 3)
 
-    return _progress(transport, patches, exitance, largest, tolerance, most_steps)
+    def power(self, radiosity: Float64) -> Float64:
+        """Power (N,) of radiosity (N, C), W/m2, each light group in shares of what it emits."""
+        weighed: Float64 = self._area * np.abs(radiosity) * self._weight
+        return weighed.sum(1)
+
+    def ambient(self) -> Float64:
+        """Irradiance (C,), W/m2, that the unshot light brings if it is spread evenly, reflected for ever by the mean
+        reflectance, in a room that nothing leaves (Cohen, Chen, Wallace and Greenberg 1988, section 5).
+        """
+        weight = self._area / self._area.sum()
+        mean_reflectance = np.minimum((weight * self.reflectance).sum(0), 0.99)
+        ambient: Float64 = (weight * self.unshot).sum(0) / (1 - mean_reflectance)
+        return ambient
+
+    @property
+    def residual(self) -> float:
+        """Unshot share of the emitted power, channels summed, of the group where it is largest."""
+        columns = (self._area * np.abs(self.unshot) * self._weight).sum(0)
+        return float(columns.reshape(self._groups, 3).sum(1).max(initial=0))
+
+    def shoot(self, rows: Int64, amount: Float64, received: Float64 | None = None) -> None:
+        """Send radiosity `amount` (S, C), W/m2, from patches `rows` (S,).
+
+        Args:
+            received: (N, C), W, what arrives of it, where that is known already
+        """
+        if received is None:
+            received = self.transport.scatter(rows, amount)
+        bounced = self.reflectance * received
+        self.unshot[rows] -= amount
+        self.unshot += bounced / self._area
+        self.irradiance += received / self._area
+        leaving = amount * self._area[rows]
+        self._shot += leaving.sum(0)
+        self._escaped += (leaving * self.transport.escaped[rows, None]).sum(0)
+        self._reflected += bounced.sum(0)
+        self._absorbed += (received - bounced).sum(0)
+        self.shots += len(rows)
+
+    def balance(self) -> Balance:
+        """Where the light has gone so far."""
+        unshot = (self._area * self.unshot).sum(0)
+        parts = (self._emitted, self._shot, self._reflected, self._absorbed, self._escaped, unshot)
+        return Balance(*(part.reshape(self._groups, 3).copy() for part in parts))
+
+    def state(self, shooters: Int64) -> SolverState:
+        """What a step of these shooters has led to."""
+        shape = (len(self.exitance), self._groups, 3)
+        return SolverState(
+            exitance=self.exitance.reshape(shape),
+            reflectance=self.reflectance.reshape(shape)[:, :1],
+            irradiance=self.irradiance.reshape(shape),
+            unshot=self.unshot.reshape(shape),
+            ambient=self.ambient().reshape(self._groups, 3),
+            shooters=shooters,
+            shots=self.shots,
+            residual=self.residual,
+            balance=self.balance(),
+        )
 
 
-def bounce(transport: Transport, patches: Patches, exitance: Floats, bounces: int) -> Refinement:
-    """Jacobi iteration: all patches shoot in every step, so that step k holds the first k bounces and no more."""
-
-    def everyone(power: Float64) -> tuple[Int64, float]:
-        return np.arange(len(power)), 0.0
-
-    return _progress(transport, patches, exitance, everyone, 0.0, bounces)
+Step: TypeAlias = Callable[[UnshotLight], Int64]
+"""Shoots some of the light; returns the patches (S,) that shot."""
 
 
-def solve_dense(transport: Transport, patches: Patches, exitance: Floats) -> Float64:
-    """Radiosity (N, G, 3), W/m2, by elimination on the full matrix I - rho F; a reference for small N."""
-    form_factors = transport.dense() / transport.area[:, None]
-    radiosity: Float64 = np.empty(exitance.shape)
-    for channel in range(3):
-        reflectance = patches.reflectance[:, channel].astype(np.float64)
-        matrix = np.eye(transport.count) - reflectance[:, None] * form_factors
-        radiosity[:, :, channel] = np.linalg.solve(matrix, exitance[:, :, channel].astype(np.float64))
-    return radiosity
-
-
-def _progress(
-    transport: Transport, patches: Patches, exitance: Floats, choose: Chooser, tolerance: float, most_steps: int
-) -> Refinement:
-    """Shoot what `choose` chooses until the residual is within `tolerance`; arrays are (N, C), C = 3 G columns."""
-    count, groups = exitance.shape[:2]
-    area = transport.area[:, None]
-    reflectance = np.tile(patches.reflectance.astype(np.float64), (1, groups))
-    first = np.array(exitance, np.float64).reshape(count, 3 * groups)
-    unshot = first.copy()
-    irradiance = np.zeros_like(first)
-    emitted = (area * first).sum(0)
-    shot, reflected, absorbed, escaped = np.zeros((4, 3 * groups))
-    # Power is counted in shares of its group's, so that the order of shots does not change with a lamp's strength.
-    by_group = np.abs(area * first).sum(0).reshape(groups, 3).sum(1)
-    weight = np.repeat(1 / np.where(by_group > 0, by_group, np.inf), 3)
-    power = area * np.abs(unshot) * weight
-    residuals = [float(power.sum(0).reshape(groups, 3).sum(1).max(initial=0))]
-    shots = 0
-    shape = (count, groups, 3)
-
-    def balance() -> Balance:
-        parts = (emitted, shot, reflected, absorbed, escaped, (area * unshot).sum(0))
-        return Balance(*(part.reshape(groups, 3).copy() for part in parts))
-
+def relax(light: UnshotLight, step: Step, tolerance: float, most_steps: int) -> Refinement:
+    """Take steps until the residual is within `tolerance`, or `most_steps` are taken."""
+    residuals = [light.residual]
     for _ in range(most_steps):
         if residuals[-1] <= tolerance:
             break
-        shooters, threshold = choose(power.sum(1))
-        leaving = unshot[shooters]
-        received = transport.scatter(shooters, leaving)
-        unshot[shooters] = 0
-        bounced = reflectance * received
-        irradiance += received / area
-        unshot += bounced / area
-        leaving *= area[shooters]
-        shot += leaving.sum(0)
-        escaped += (leaving * transport.escaped[shooters, None]).sum(0)
-        reflected += bounced.sum(0)
-        absorbed += (received - bounced).sum(0)
-        power = area * np.abs(unshot) * weight
-        residuals.append(float(power.sum(0).reshape(groups, 3).sum(1).max()))
-        shots += len(shooters)
-        yield SolverState(
-            exitance=first.reshape(shape),
-            reflectance=reflectance.reshape(shape)[:, :1],
-            irradiance=irradiance.reshape(shape),
-            unshot=unshot.reshape(shape),
-            shooters=shooters,
-            threshold=threshold,
-            shots=shots,
-            residual=residuals[-1],
-            balance=balance(),
-        )
+        state = light.state(step(light))
+        residuals.append(state.residual)
+        yield state
+    last = light.state(np.zeros(0, np.int64))
     return Solution(
-        radiosity=(first + reflectance * irradiance).reshape(shape),
-        irradiance=irradiance.reshape(shape),
-        unshot=unshot.reshape(shape),
-        shots=shots,
+        radiosity=last.radiosity,
+        irradiance=last.irradiance,
+        unshot=last.unshot,
+        shots=light.shots,
         residuals=tuple(residuals),
         converged=residuals[-1] <= tolerance,
-        balance=balance(),
+        balance=last.balance,
     )

@@ -12,6 +12,10 @@ from .errors import SettingsError
 
 QualityName = Literal["draft", "medium", "high"]
 QUALITIES: tuple[str, ...] = get_args(QualityName)
+SolverName = Literal[
+    "progressive", "southwell", "overshooting", "gauss-seidel", "jacobi", "conjugate-gradient", "dense"
+]
+SOLVER_NAMES: tuple[str, ...] = get_args(SolverName)
 MAX_PAGE_SIZE = 8192
 
 
@@ -55,6 +59,7 @@ class BakeSettings:
         density: texels per metre; None fills one page
         page_size: texels along an edge of a page
         quality: draft, medium or high
+        solver: name of the way in which the equation is solved, as in solvers.py
         tolerance: unshot share of the emitted power at which the solver stops
         bounces: most reflections of light that a lightmap holds; None for all
         clamp_direct, clamp_indirect: largest radiance, mean of the channels, that lamps may bring onto a texel, and
@@ -65,6 +70,7 @@ class BakeSettings:
     density: float | None = None
     page_size: int = 1024
     quality: QualityName = "medium"
+    solver: SolverName = "progressive"
     tolerance: float = 1e-4
     bounces: int | None = None
     clamp_direct: float = 0.0
@@ -83,6 +89,8 @@ class BakeSettings:
             )
         if self.quality not in QUALITIES:
             raise SettingsError("Quality", f"{self.quality!r} is unknown", "Choose from " + ", ".join(QUALITIES))
+        if self.solver not in SOLVER_NAMES:
+            raise SettingsError("Solver", f"{self.solver!r} is unknown", "Choose from " + ", ".join(SOLVER_NAMES))
         if not 1e-8 <= self.tolerance < 1:
             raise SettingsError("Tolerance", f"{self.tolerance} is out of range", "Choose from 1e-8 to below 1")
         if self.bounces is not None and self.bounces < 0:

@@ -74,8 +74,10 @@ def test_a_folder_is_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> None:
-    words = "--textures t --density 32 --page-size 512 --quality high --tolerance 1e-4 --bounces 3 --write-back uv"
-    more = "--report r.json --render p.png --object Wall Floor --object Lamp --threads 2 --quiet"
+    words = "--threads 2 --quiet --textures t --density 32 --page-size 512 --quality high --solver jacobi"
+    more = (
+        "--write-back uv --tolerance 1e-4 --bounces 3 --report r.json --render p.png --object Wall Floor --object Lamp"
+    )
     assert cli.main(["bake", str(blend), "-o", "out.blend", *words.split(), *more.split()]) == 0
     here = Path.cwd()
     assert ran == [
@@ -90,6 +92,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
                 density=32.0,
                 page_size=512,
                 quality="high",
+                solver="jacobi",
                 tolerance=1e-4,
                 bounces=3,
                 threads=2,

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.radiosity import refine
 from radiosity_addon.sampling import cosine_directions
+from radiosity_addon.solvers import progressive
 from radiosity_addon.visibility import Visibility
 from tests.rooms import Facets, box, joined, rectangle, sphere
 
@@ -16,7 +16,7 @@ TIGHT = 1e-9
 def solved(patches: Facets, exitance: np.ndarray, rays: int = 128, tolerance: float = TIGHT):
     """The solution for exitance (N,) or (N, 3), one light group."""
     columns = np.broadcast_to(exitance.reshape(patches.count, -1), (patches.count, 3))
-    return finish(refine(patches.transport(rays), patches, columns[:, None], tolerance))
+    return finish(progressive(patches.transport(rays), patches, columns[:, None], tolerance))
 
 
 @pytest.mark.parametrize("reflectance, expected", [(0.5, 2.0), (0.9, 10.0)])
@@ -90,7 +90,7 @@ def test_lamp_and_receiver_may_trade_places():
     pair = 3, 70
     exitance = np.zeros((room.count, 2, 3))
     exitance[pair[0], 0] = exitance[pair[1], 1] = 1
-    radiosity = finish(refine(transport, room, exitance, TIGHT)).radiosity
+    radiosity = finish(progressive(transport, room, exitance, TIGHT)).radiosity
     there = radiosity[pair[1], 0] * room.area[pair[1]]
     back = radiosity[pair[0], 1] * room.area[pair[0]]
     assert there == pytest.approx(back, rel=1e-6)
