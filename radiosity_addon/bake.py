@@ -8,19 +8,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .appearance import appearance_of
 from .arrays import Bools, Float32, Float64, Int64
 from .bounces import bounce_limits, clamped, patch_light
 from .chunks import Fractions, scaled
 from .errors import SceneError
 from .form_factor import Transport, trace_transport
 from .gather import final_gather
-from .illumination import Exitance, Illumination, PatchLight, appearance_of, first_exitance, world_radiance
+from .illumination import Exitance, Illumination, PatchLight, first_exitance, world_radiance
 from .lightmap import compose
 from .lights import direct_irradiance, lamps_of
 from .patches import Patches, group_patches
 from .radiosity import Solution
 from .scene import Scene
 from .settings import BakeSettings
+from .shading import Shader
 from .solvers import SOLVERS
 from .stages import Progress, Stage, StageLog
 from .surfaces import Surfaces, flatten
@@ -59,8 +61,11 @@ LEAST_PATCHES = 2500
 """Patches of the smallest scenes: fewer would save no time worth having."""
 
 
-def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Baked]:
+def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> Generator[Progress, None, Baked]:
     """Bake a scene. Closing the generator cancels the bake.
+
+    Args:
+        shade: tells how surfaces look whose materials vary; without it they have their constants all over
 
     Raises:
         BakeError: if the scene can't be baked
@@ -74,10 +79,11 @@ def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Bake
     visibility = log.visibility = Visibility(surfaces.corners)
     solid = solid_triangles(scene, surfaces, visibility)
     texels = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
+    look, warnings = yield from log.stage("Materials", appearance_of(scene, atlas, texels, shade))
     lamps = lamps_of(scene, surfaces)
     groups = len(scene.groups)
     direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
-    look = appearance_of(scene, texels, lamps.sampled)
+    look = look.without(texels, lamps.sampled)
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, _patches_for(wanted, settings))
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings))
@@ -90,9 +96,9 @@ def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Bake
     indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
     light_of_lamps = clamped(direct, look.reflectance, settings.clamp_direct)
     pages = yield from log.stage("Pages", _pages(texels, light_of_lamps + indirect, atlas))
-    warnings = list(scene.warnings) + list(atlas.warnings)
+    warnings = (*scene.warnings, *atlas.warnings, *warnings)
     if not solution.converged:
-        warnings.append(f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1")
+        warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
     return Baked(
         atlas=atlas,
         pages=pages,
@@ -102,7 +108,7 @@ def bake(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, Bake
         rays=visibility.rays,
         residual=log.residual,
         stages=tuple(log.stages),
-        warnings=tuple(warnings),
+        warnings=warnings,
     )
 
 

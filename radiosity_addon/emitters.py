@@ -30,8 +30,8 @@ def emissive_lamps(scene: Scene, surfaces: Surfaces) -> tuple[list[PanelLamp], B
     """
     sampled = np.zeros(surfaces.count, bool)
     lamps: list[PanelLamp] = []
-    emission = np.array([material.emission for material in scene.materials] or [(0, 0, 0)], np.float64)
-    glowing = np.flatnonzero((emission > 0).any(1)[surfaces.material] & (surfaces.area > 0))
+    even = [any(material.emission) and "emission" not in material.varies for material in scene.materials] or [False]
+    glowing = np.flatnonzero(np.array(even)[surfaces.material] & (surfaces.area > 0))
     owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
     for emitter in np.unique(owner):

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .appearance import Appearance
 from .arrays import Bools, Float32, Float64, Int32
 from .lights import Lamps, irradiance_at
 from .patches import Patches
 from .scene import Scene
-from .texels import Texels
 from .visibility import Visibility
 
 BACK_SAMPLES = 4
@@ -19,34 +19,6 @@ BACK_SAMPLES = 4
 
 SPECIAL_ROWS = 3
 """Rows at the end of the radiance table for rays that met no element: BELOW, NOTHING and SKY, found by -3, -2, -1."""
-
-
-@dataclass(frozen=True, eq=False)
-class Appearance:
-    """How texels look by themselves.
-
-    Attributes:
-        reflectance: (T, 3) float32
-        emission: (T, 3) float32, W/(m2 sr), of emitters that are not sampled as lamps
-        group: (T,) int32, light group of the emission
-    """
-
-    reflectance: Float32
-    emission: Float32
-    group: Int32
-
-
-def appearance_of(scene: Scene, texels: Texels, sampled: Bools) -> Appearance:
-    """How texels look; triangles `sampled` (F,) as lamps do not glow as well, so that nothing counts twice."""
-    triangle = texels.triangle[:, 0]
-    material = texels.surfaces.material[triangle]
-    emission = np.array([entry.emission for entry in scene.materials], np.float32)[material]
-    emission[sampled[triangle]] = 0
-    return Appearance(
-        reflectance=np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
-        emission=emission,
-        group=np.array([entry.group for entry in scene.materials], np.int32)[material],
-    )
 
 
 def world_radiance(scene: Scene) -> Float32:

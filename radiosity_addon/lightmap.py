@@ -44,12 +44,12 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
     result = list(pages.reshape(*shape, 3))
     for image, there in zip(result, known.reshape(shape), strict=True):
         for _ in range(GROWTH):
-            _grow(image, there)
+            grow(image, there)
         push_pull(image, there)
     return result
 
 
-def _grow(image: Float32, known: Bools) -> None:
+def grow(image: Float32, known: Bools) -> None:
     """One step outward, in place: the mean over known neighbours, the diagonal ones at half weight."""
     height, width = known.shape
     wanted = np.zeros_like(known)

@@ -18,6 +18,9 @@ from .shading import Quantity
 
 RGB: TypeAlias = tuple[float, float, float]
 
+MAX_REFLECTANCE = 0.999
+"""Surfaces that reflect everything would never let a closed room's light settle."""
+
 
 @dataclass(frozen=True)
 class Material:

@@ -7,7 +7,7 @@ The core lays surfaces out on pages and asks for one quantity at a time; Blender
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
 from .arrays import Bools, Float32, Int32
 
@@ -18,6 +18,8 @@ reflectance: diffuse plus glossy albedo
 emission: W/(m2 sr)
 transmittance: share of the light that goes straight on, as through clear or coloured glass
 """
+
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ T = TypeVar("T")
 STAGES = {
     "Unwrap": 0.1,
     "Texels": 0.06,
-    "Direct light": 0.28,
+    "Materials": 0.02,
+    "Direct light": 0.26,
     "Transport": 0.14,
     "Radiosity": 0.05,
     "Gather": 0.34,

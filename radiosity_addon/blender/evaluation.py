@@ -8,7 +8,7 @@ looks and leaves. The copy shares all objects; the scene itself, its engine, cam
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
@@ -57,7 +57,7 @@ def at_render_settings(
     """
     layer = view_layer or _shown_layer(scene)
     look = _Look(use)
-    with _engine(look), _quiet_handlers(), _copy_to_render(scene) as copy:
+    with _engine(look), quiet_handlers(RENDER_HANDLERS), _copy_to_render(scene) as copy:
         bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name, layer=layer.name)
     if look.failure is not None:
         raise look.failure
@@ -95,9 +95,9 @@ def _engine(look: _Look[T]) -> Iterator[None]:
 
 
 @contextmanager
-def _quiet_handlers() -> Iterator[None]:
-    """No render handlers of other scripts: this is no render of theirs."""
-    lists = [getattr(bpy.app.handlers, name) for name in RENDER_HANDLERS]
+def quiet_handlers(names: Iterable[str]) -> Iterator[None]:
+    """No handlers of other scripts, of these names: this is no render or bake of theirs."""
+    lists = [getattr(bpy.app.handlers, name) for name in names]
     kept = [list(handlers) for handlers in lists]
     for handlers in lists:
         handlers.clear()

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
@@ -22,6 +22,7 @@ from .nodes import LinkCycle
 from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
+from .surface_inputs import Asking, SurfaceInputs
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
@@ -59,11 +60,15 @@ class Extraction:
         scene: the core's records
         sources: one for each of Scene.meshes
         skipped: objects that get no lightmap, with the reason
+        materials: full name of each of Scene.materials, "" for the default surface
+        surfaces: by index of the mesh, what surfaces whose materials vary answer to those
     """
 
     scene: Scene
     sources: tuple[Source, ...]
     skipped: tuple[tuple[str, str], ...]
+    materials: tuple[str, ...] = ()
+    surfaces: Mapping[int, SurfaceInputs] = field(default_factory=dict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -107,7 +112,9 @@ class _Reading:
         self.layer = depsgraph.view_layer
         self.groups: list[tuple[str, int | None]] = [("", None)]
         self.materials: list[Material] = []
+        self.shown: list[tuple[str, Asking | None]] = []  # full name of each record's material, what it asks for
         self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
+        self.surfaces: dict[int, SurfaceInputs] = {}
         self.shapes: dict[int, Shape] = {}
         self.meshes: list[Mesh] = []
         self.sources: list[Source] = []
@@ -143,7 +150,8 @@ class _Reading:
             working_space=working_space(),
             warnings=tuple(self.warnings),
         )
-        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()))
+        names = tuple(name for name, _ in self.shown)
+        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()), names, self.surfaces)
 
     def nothing_to_bake(self) -> SceneError:
         reasons = [
@@ -210,6 +218,9 @@ class _Reading:
             self.warn(f"{thing.name}: {shape.dropped} triangles without area are left out")
         slots = [slot.material for slot in thing.material_slots]
         material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
+        asking = [self.shown[index][1] for index in np.unique(material) if self.shown[index][1] is not None]
+        if asking:
+            self.surfaces[len(self.meshes)] = SurfaceInputs.of(asking, item, mesh, self.depsgraph)
         if instanced:
             self.instances[thing.name, item.parent.name] += 1
         self.sources.append(
@@ -289,6 +300,8 @@ class _Reading:
             self.materials.append(read_material(evaluated, group, self.hears(f"Material {name!r} of {user}")))
         except LinkCycle as cycle:
             return cycle
+        asking = Asking.of(evaluated.node_tree) if self.materials[-1].varies else None
+        self.shown.append((shown.name_full if shown is not None else "", asking))
         return len(self.materials) - 1
 
     def read_lamp(self, lamp: bpy.types.Object, matrix: Float64) -> None:

@@ -20,6 +20,7 @@ from ..image import write_exr
 from ..report import BakedObject, Page, Report
 from ..settings import BakeSettings
 from ..stages import Progress
+from .cycles_shader import CyclesShader
 from .extract import extract_scene
 from .write_back import write_back
 
@@ -66,7 +67,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         yield Progress("Read scene", 0.0)
         extraction = extract_scene(scene, job.objects or None)
         read = time.perf_counter()
-        baked = yield from _scaled(bake(extraction.scene, job.settings))
+        baked = yield from _scaled(bake(extraction.scene, job.settings, CyclesShader(scene, extraction)))
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
         yield last
         begin = time.perf_counter()

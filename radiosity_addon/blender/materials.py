@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shader trees read as what radiosity knows: how much a surface reflects and how much it emits.
 
-Constant colours are exact; what a texture drives is replaced by the nearest constant, with a warning.
+Constants are read here; where a texture or anything else that Blender computes takes part, the record says what varies.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 
 import bpy
 import numpy as np
@@ -16,18 +17,20 @@ import numpy as np
 from ..arrays import Float64
 from ..errors import SceneError
 from ..microfacet import dielectric_fresnel, glossy_albedo, metal_fresnel
-from ..scene import RGB, Material, World
-from .nodes import Groups, LinkCycle, follow, number, value
-
-MAX_REFLECTANCE = 0.999
-"""Surfaces that reflect everything would never let a closed room's light settle."""
+from ..scene import MAX_REFLECTANCE, RGB, Material, World
+from ..shading import QUANTITIES, Quantity
+from .nodes import Groups, LinkCycle, approximate, follow, known, likely
 
 BLACK = np.zeros(3)
 WHITE = np.ones(3)
 DEFAULT_REFLECTANCE = (0.8, 0.8, 0.8)
 """Cycles' surface where there is no material."""
 
+GOLDEN = (5**0.5 - 1) / 2
+
 Warn = Callable[[str], None]
+StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
+"""What to read of an input that is no constant, (3,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +60,15 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
     if material is None:
         return Material("", DEFAULT_REFLECTANCE)
     tree = tree_of(material)
+    varies: frozenset[Quantity] = frozenset()
     if tree is None:
         shading = Shading(np.array(material.diffuse_color[:3], np.float64), BLACK)
     else:
-        shading = read_tree(tree, warn)
+        shading, varies = read_varying(tree, warn)
     subject = f"Material {material.name!r}"
     emission = _finite(shading.emission, subject, "emission")
     reflectance = _finite(shading.reflectance, subject, "reflectance")
-    if reflectance.max() > MAX_REFLECTANCE:
+    if reflectance.max() > MAX_REFLECTANCE and "reflectance" not in varies:
         warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
     if min(reflectance.min(), emission.min()) < 0:
         warn("has a negative colour, which is taken as black")
@@ -72,7 +76,8 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
         name=material.name,
         reflectance=rgb(np.clip(reflectance, 0, MAX_REFLECTANCE)),
         emission=rgb(np.maximum(emission, 0)),
-        group=group if emission.any() else 0,
+        group=group if emission.any() or "emission" in varies else 0,
+        varies=varies,
     )
 
 
@@ -100,17 +105,58 @@ def tree_of(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bp
 
 
 def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
-    """What the output that Cycles takes shows.
+    """What the output that Cycles takes shows, one constant where it varies.
 
     Raises:
         LinkCycle: the tree feeds back into itself
     """
+    return _surface(tree, _Reader(warn, partial(approximate, warn=warn)))
+
+
+def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozenset[Quantity]]:
+    """What the output that Cycles takes shows on average, and which of it varies over the surface.
+
+    A quantity varies if it is not the same for two guesses at what is computed.
+
+    Raises:
+        LinkCycle: the tree feeds back into itself
+    """
+    guesses = _Guesses(0), _Guesses(1)
+    first = _surface(tree, _Reader(warn, guesses[0]))
+    if not guesses[0].made:
+        return first, frozenset()
+    second = _surface(tree, _Reader(_say_nothing, guesses[1]))
+    differ = {
+        field.name for field in fields(Shading) if (getattr(first, field.name) != getattr(second, field.name)).any()
+    }
+    mean = _surface(tree, _Reader(_say_nothing, lambda node, name, groups: likely(node.inputs[name], groups)))
+    return mean, frozenset(quantity for quantity in QUANTITIES if quantity in differ)
+
+
+def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
     output = tree.get_output_node("CYCLES")
     if output is None:
         return NOTHING
     if "Volume" in output.inputs and output.inputs["Volume"].links:
-        warn("has a volume, which is ignored")
-    return _Reader(warn).shading(output, "Surface", ())
+        reader.warn("has a volume, which is ignored")
+    return reader.shading(output, "Surface", ())
+
+
+def _say_nothing(message: str) -> None:
+    """For readings whose warnings were given before."""
+
+
+class _Guesses:
+    """Guesses at inputs that are computed: no two the same, none 0 or 1, where shaders turn branches off."""
+
+    def __init__(self, row: int) -> None:
+        self.row = row
+        self.made = 0
+
+    def __call__(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
+        self.made += 1
+        steps = 3 * self.made + np.arange(3)
+        return np.asarray(0.2 + 0.6 * ((GOLDEN * steps + self.row / np.pi) % 1))
 
 
 def rgb(values: Float64) -> RGB:
@@ -127,8 +173,9 @@ def _finite(values: Float64, subject: str, what: str) -> Float64:
 class _Reader:
     """Walks a tree from its output; the nodes being read tell a cycle."""
 
-    def __init__(self, warn: Warn) -> None:
+    def __init__(self, warn: Warn, stand_in: StandIn) -> None:
         self.warn = warn
+        self.stand_in = stand_in
         self.reading: list[tuple[str, ...]] = []
 
     def shading(self, node: bpy.types.Node, name: str | int, groups: Groups) -> Shading:
@@ -149,10 +196,11 @@ class _Reader:
         return shading
 
     def color(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
-        return value(node, name, groups, self.warn)
+        constant = known(node.inputs[name], groups)
+        return self.stand_in(node, name, groups) if constant is None else constant
 
     def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
-        return number(node, name, groups, self.warn)
+        return float(self.color(node, name, groups).mean())
 
     def share(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
         return min(max(self.number(node, name, groups), 0.0), 1.0)

@@ -23,6 +23,9 @@ MAX_IMAGE_TEXELS = 1 << 24
 LIGHT_PATH = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0}
 """What the rays of a bake are, by output of the Light Path node; all others are 0."""
 
+SHADOW_PATH = {"Is Shadow Ray": 1.0}
+"""The same of rays that ask how much light a surface lets through."""
+
 
 class LinkCycle(Exception):
     """A node tree feeds back into itself."""
@@ -66,31 +69,30 @@ def _by_identifier(sockets: bpy.types.bpy_prop_collection, like: bpy.types.NodeS
     return next(socket for socket in sockets if socket.identifier == like.identifier)
 
 
-def value(node: bpy.types.Node, name: str, groups: Groups, warn: Callable[[str], None]) -> Float64:
-    """What an input holds, (3,), numbers repeated; of a texture the mean, of what is unknown the input's own value."""
-    socket = node.inputs[name]
-    end, groups = follow(socket, groups)
-    if not end.is_output:
+def known(socket: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:
+    """The constant that an input receives, (3,), numbers repeated; None where it is computed."""
+    end, _ = follow(socket, groups)
+    if not end.is_output or end.node.type in ("RGB", "VALUE"):
         return _default(end)
-    source = end.node
-    if source.type in ("RGB", "VALUE"):
-        return _default(end)
-    if source.type == "LIGHT_PATH":
-        return np.full(3, LIGHT_PATH.get(end.name, 0.0))
-    mean = image_mean(source.image) if source.type == "TEX_IMAGE" and end.name == "Color" else None
-    if mean is not None:
-        warn(f"{name} of {node.name} takes the mean of image {source.image.name!r}")
-        return mean
-    own = _default(socket)
-    warn(
-        f"{name} of {node.name} is driven by {source.bl_label}, which is not read; its own value {_text(own)} is taken"
-    )
-    return own
+    return np.full(3, LIGHT_PATH.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
 
 
-def number(node: bpy.types.Node, name: str, groups: Groups, warn: Callable[[str], None]) -> float:
-    """What an input for numbers holds."""
-    return float(value(node, name, groups, warn).mean())
+def likely(socket: bpy.types.NodeSocket, groups: Groups) -> Float64:
+    """What an input receives about, (3,): of an image its mean, of what else is computed the input's own value."""
+    constant = known(socket, groups)
+    if constant is not None:
+        return constant
+    end, _ = follow(socket, groups)
+    mean = image_mean(end.node.image) if end.node.type == "TEX_IMAGE" and end.name == "Color" else None
+    return _default(socket) if mean is None else mean
+
+
+def approximate(node: bpy.types.Node, name: str, groups: Groups, warn: Callable[[str], None]) -> Float64:
+    """As `likely`, and says so."""
+    taken = likely(node.inputs[name], groups)
+    source = follow(node.inputs[name], groups)[0].node
+    warn(f"{name} of {node.name} is driven by {source.bl_label}, which is not read; {_text(taken)} is taken")
+    return taken
 
 
 def image_mean(image: bpy.types.Image | None) -> Float64 | None:

@@ -18,7 +18,7 @@ from ..arrays import Float64
 from ..scene import RGB
 from .materials import READERS, rgb
 from .names import BAKE_KEY, UV_MAP
-from .nodes import Groups, value
+from .nodes import Groups, likely
 
 Color: TypeAlias = RGB | bpy.types.NodeSocket
 """Linear RGB: a constant, or an output socket that computes it."""
@@ -158,7 +158,7 @@ class Sampler:
         if name in self._held:
             return np.array(self._held[name])
         if name not in self._means:
-            self._means[name] = value(node, name, groups, self.warn)
+            self._means[name] = likely(node.inputs[name], groups)
         return self._means[name]
 
     def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:

@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.materials import MAX_REFLECTANCE, read_material
+from radiosity_addon.blender.materials import read_material
 from radiosity_addon.blender.nodes import LinkCycle
 from radiosity_addon.errors import SceneError
-from radiosity_addon.scene import Material
+from radiosity_addon.scene import MAX_REFLECTANCE, Material
 
 GREY = (0.5, 0.5, 0.5)
 
@@ -199,7 +199,7 @@ def test_a_material_without_nodes_is_its_viewport_colour():
     assert read_material(material, 0, print).reflectance == rgb(0.1, 0.2, 0.3)
 
 
-def test_an_image_gives_its_mean_linear_colour_with_a_warning():
+def test_an_image_varies_around_its_mean_linear_colour():
     image = bpy.data.images.new("half", 2, 1)  # bytes, sRGB
     image.pixels.foreach_set(np.array([0, 0, 0, 1, 1, 1, 1, 1], np.float32))
     tree = Tree()
@@ -207,8 +207,10 @@ def test_an_image_gives_its_mean_linear_colour_with_a_warning():
     texture.image = image
     tree.link(texture, diffuse, "Color")
     tree.show(diffuse)
-    assert tree.read().reflectance == rgb(0.5, 0.5, 0.5)
-    assert "mean of image 'half'" in tree.warnings[0]
+    material = tree.read()
+    assert material.reflectance == rgb(0.5, 0.5, 0.5)
+    assert material.varies == {"reflectance"}
+    assert tree.warnings == []
 
 
 def test_an_image_encoded_as_srgb_is_decoded_before_its_mean():
@@ -223,13 +225,27 @@ def test_an_image_encoded_as_srgb_is_decoded_before_its_mean():
 
 
 @pytest.mark.parametrize("kind", ["TexNoise", "TexImage"])
-def test_what_can_not_be_read_leaves_the_sockets_own_value_with_a_warning(kind):
+def test_what_blender_computes_varies_around_the_sockets_own_value(kind):
     tree = Tree()
     diffuse = tree.node("BsdfDiffuse", Color=GREY)
     tree.link(tree.node(kind), diffuse, "Color")
     tree.show(diffuse)
-    assert tree.read().reflectance == rgb(*GREY)
-    assert "own value 0.5 is taken" in tree.warnings[0]
+    assert tree.read() == Material("Material", GREY, varies=frozenset({"reflectance"}))
+    assert tree.warnings == []
+
+
+def test_a_computed_mix_varies_only_in_what_its_sides_do_not_share():
+    tree = Tree()
+    mix = tree.node("MixShader")
+    tree.link(tree.node("TexNoise"), mix, 0)
+    tree.link(tree.node("BsdfDiffuse", Color=GREY), mix, 1)
+    tree.link(tree.node("BsdfDiffuse", Color=GREY), mix, 2)
+    lamp, add = tree.node("Emission"), tree.node("AddShader")
+    tree.link(tree.node("TexNoise"), lamp, "Strength")
+    tree.link(mix, add, 0)
+    tree.link(lamp, add, 1)
+    tree.show(add)
+    assert tree.read().varies == {"emission"}
 
 
 def test_an_unknown_shader_is_grey_with_a_warning():

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Looks of any node tree as Cycles has them: known answers, and Cycles' own bake of each object as the judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+import pytest
+
+from radiosity_addon.arrays import Float32
+from radiosity_addon.blender.cycles_shader import CyclesShader
+from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.errors import SceneError
+from radiosity_addon.shading import Layout, Quantity
+from tests.blender.datablocks import differences, snapshot
+
+SIZE = 64
+
+
+class Tree:
+    """A material made node by node."""
+
+    def __init__(self, name: str = "Material") -> None:
+        self.material = bpy.data.materials.new(name)
+        if bpy.app.version < (5, 0):
+            self.material.use_nodes = True
+        self.tree = self.material.node_tree
+        self.tree.nodes.clear()
+
+    def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:
+        node = self.tree.nodes.new(f"ShaderNode{kind}")
+        for name, value in inputs.items():
+            node.inputs[name.replace("_", " ")].default_value = value
+        return node
+
+    def link(self, output: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
+        self.tree.links.new(output, target)
+
+    def emit(self, color: bpy.types.NodeSocket) -> bpy.types.Material:
+        emission, end = self.node("Emission"), self.node("OutputMaterial")
+        self.link(color, emission.inputs["Color"])
+        self.link(emission.outputs[0], end.inputs["Surface"])
+        return self.material
+
+
+def emitting(make: Callable[[Tree], bpy.types.NodeSocket], name: str = "Material") -> bpy.types.Material:
+    tree = Tree(name)
+    return tree.emit(make(tree))
+
+
+def cube(name: str, *materials: bpy.types.Material, **values: object) -> bpy.types.Object:
+    """A cube whose uv map has no overlaps, each side of another material in turn."""
+    bpy.ops.mesh.primitive_cube_add(size=1.5)
+    thing = bpy.context.object
+    thing.name = name
+    for material in materials:
+        thing.data.materials.append(material)
+    for polygon in thing.data.polygons:
+        polygon.material_index = polygon.index % max(len(materials), 1)
+    for key, value in values.items():
+        setattr(thing, key, value)
+    return thing
+
+
+def plane(name: str, material: bpy.types.Material) -> bpy.types.Object:
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    bpy.context.object.name = name
+    bpy.context.object.data.materials.append(material)
+    return bpy.context.object
+
+
+def layout_of(extraction: Extraction, uv_map: str = "UVMap") -> Layout:
+    """Each mesh by its own uv map on a page of its own."""
+    uv = []
+    for source, mesh in zip(extraction.sources, extraction.scene.meshes, strict=True):
+        data = bpy.data.objects[source.object_name].data
+        loops = np.empty((len(data.loops), 2), np.float32)
+        data.uv_layers[uv_map].uv.foreach_get("vector", loops.ravel())
+        uv.append(loops[mesh.corner])
+    count = len(uv)
+    return Layout(SIZE, count, np.arange(count, dtype=np.int32), tuple(uv))
+
+
+def pages(quantity: Quantity = "emission", layout: Layout | None = None) -> dict[str, Float32]:
+    """The page of each object, by its name."""
+    extraction = extract_scene(bpy.context.scene)
+    layout = layout or layout_of(extraction)
+    shade = CyclesShader(bpy.context.scene, extraction)
+    shown = shade(layout, np.ones(len(extraction.scene.meshes), bool), quantity)
+    return {source.object_name: page for source, page in zip(extraction.sources, shown, strict=True)}
+
+
+def cycles(thing: bpy.types.Object, uv_map: str = "UVMap") -> tuple[Float32, Float32]:
+    """Cycles' own bake of an object where it stands, and which texels it covers."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.device = 1, "CPU"
+    image = bpy.data.images.new("reference", SIZE, SIZE, alpha=True, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.zeros(SIZE * SIZE * 4, np.float32))
+    for slot in thing.material_slots:
+        node = slot.material.node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = image
+        slot.material.node_tree.nodes.active = node
+    bpy.ops.object.select_all(action="DESELECT")
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.bake(type="EMIT", margin=0, use_clear=False, uv_layer=uv_map)
+    pixels = np.empty(SIZE * SIZE * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(SIZE, SIZE, 4)
+    return pixels[:, :, :3], pixels[:, :, 3] > 0
+
+
+def of_coordinates(output: str) -> Callable[[Tree], bpy.types.NodeSocket]:
+    return lambda tree: tree.node("TexCoord").outputs[output]
+
+
+def of_object(output: str) -> Callable[[Tree], bpy.types.NodeSocket]:
+    return lambda tree: tree.node("ObjectInfo").outputs[output]
+
+
+def of_attribute(name: str, output: str = "Color", kind: str = "GEOMETRY") -> Callable[[Tree], bpy.types.NodeSocket]:
+    def make(tree: Tree) -> bpy.types.NodeSocket:
+        node = tree.node("Attribute")
+        node.attribute_name, node.attribute_type = name, kind
+        return node.outputs[output]
+
+    return make
+
+
+def of_geometry(output: str) -> Callable[[Tree], bpy.types.NodeSocket]:
+    return lambda tree: tree.node("NewGeometry").outputs[output]
+
+
+def of_noise(tree: Tree) -> bpy.types.NodeSocket:
+    return tree.node("TexNoise").outputs["Color"]
+
+
+def of_layers(tree: Tree) -> bpy.types.NodeSocket:
+    return tree.node("LayerWeight").outputs["Facing"]
+
+
+def in_object_space(tree: Tree) -> bpy.types.NodeSocket:
+    node = tree.node("VectorTransform")
+    node.convert_from, node.convert_to = "WORLD", "OBJECT"
+    tree.link(tree.node("NewGeometry").outputs["Normal"], node.inputs[0])
+    return node.outputs[0]
+
+
+AS_CYCLES = {
+    "generated": of_coordinates("Generated"),
+    "object": of_coordinates("Object"),
+    "normal": of_coordinates("Normal"),
+    "uv": of_coordinates("UV"),
+    "noise without coordinates": of_noise,
+    "location": of_object("Location"),
+    "object colour": of_object("Color"),
+    "object alpha": of_object("Alpha"),
+    "object index": of_object("Object Index"),
+    "material index": of_object("Material Index"),
+    "random": of_object("Random"),
+    "position": of_geometry("Position"),
+    "geometry normal": of_geometry("Normal"),
+    "true normal": of_geometry("True Normal"),
+    "incoming": of_geometry("Incoming"),
+    "random per island": of_geometry("Random Per Island"),
+    "facing": of_layers,
+    "object space": in_object_space,
+    "colour attribute": of_attribute("Paint"),
+    "alpha of a colour attribute": of_attribute("Paint", "Alpha"),
+    "number of a colour attribute": of_attribute("Paint", "Fac"),
+    "number attribute": of_attribute("Weight", "Fac"),
+    "face attribute": of_attribute("Face"),
+    "uv map as attribute": of_attribute("UVMap", "Vector"),
+    "absent attribute": of_attribute("Nothing"),
+    "alpha of an absent attribute": of_attribute("Nothing", "Alpha"),
+    "object property": of_attribute("tint", "Color", "OBJECT"),
+    "object property of Blender's own": of_attribute("pass_index", "Fac", "OBJECT"),
+    "layer property": of_attribute("mood", "Color", "VIEW_LAYER"),
+}
+
+
+@pytest.mark.parametrize("name", AS_CYCLES)
+def test_what_a_tree_asks_of_its_surface_is_answered_as_cycles_does(name):
+    """Two objects, moved, turned, scaled, mirrored and deformed, so that no answer fits both by chance."""
+    material = emitting(AS_CYCLES[name])
+    material.pass_index = 3
+    first = cube("Erster", material, location=(1, 2, 3), rotation_euler=(0.3, 0.5, 0.7), scale=(1, 2, 0.5))
+    second = cube("Zweiter\u00fc", material, location=(-2, 0, 1), scale=(-1, 1, 1), color=(0.1, 0.6, 0.3, 0.7))
+    second.pass_index = 7
+    first.modifiers.new("Islands", "EDGE_SPLIT")
+    second.modifiers.new("Bend", "SIMPLE_DEFORM").angle = 0.6
+    first["tint"], second["tint"] = (0.2, 0.3, 0.9), (0.7, 0.1, 0.4)
+    bpy.context.view_layer["mood"] = (0.3, 0.8, 0.2)
+    for thing in (first, second):
+        paint = thing.data.attributes.new("Paint", "BYTE_COLOR" if thing == first else "FLOAT_COLOR", "CORNER")
+        paint.data.foreach_set("color", np.linspace(0, 1, 96, dtype=np.float32))
+        weight = thing.data.attributes.new("Weight", "FLOAT", "POINT")
+        weight.data.foreach_set("value", np.linspace(-1, 2, 8, dtype=np.float32))
+        face = thing.data.attributes.new("Face", "FLOAT_VECTOR", "FACE")
+        face.data.foreach_set("vector", np.linspace(0, 3, 18, dtype=np.float32))
+    shown = pages()
+    for thing in (first, second):
+        expected, covered = cycles(thing)
+        assert covered.mean() > 0.2
+        assert np.abs(shown[thing.name] - expected)[covered].max() < 3e-4 * max(1, np.abs(expected).max())
+
+
+def checkers(tree: Tree) -> bpy.types.NodeSocket:
+    """Two colours in four fields, by the uv map."""
+    node = tree.node("TexChecker", Scale=2.0, Color1=(0.1, 0.3, 0.6, 1), Color2=(0.8, 0.2, 0.1, 1))
+    tree.link(tree.node("TexCoord").outputs["UV"], node.inputs["Vector"])
+    return node.outputs["Color"]
+
+
+def test_a_checker_has_its_two_colours_in_their_places():
+    plane("Floor", emitting(checkers))
+    page = pages()["Floor"]
+    for row, column in ((16, 16), (48, 48)):
+        assert page[row, column] == pytest.approx((0.8, 0.2, 0.1), abs=1e-6)
+        assert page[row, 64 - column] == pytest.approx((0.1, 0.3, 0.6), abs=1e-6)
+
+
+def test_the_three_quantities_of_a_principled_are_told_apart():
+    tree = Tree()
+    shader, end = tree.node("BsdfPrincipled", Roughness=1.0, Specular_IOR_Level=0.0), tree.node("OutputMaterial")
+    color = checkers(tree)
+    tree.link(color, shader.inputs["Base Color"])
+    tree.link(color, shader.inputs["Emission Color"])
+    shader.inputs["Emission Strength"].default_value = 3.0
+    shader.inputs["Alpha"].default_value = 0.25
+    tree.link(shader.outputs[0], end.inputs["Surface"])
+    plane("Floor", tree.material)
+    assert pages("reflectance")["Floor"][16, 16] == pytest.approx([0.25 * c for c in (0.8, 0.2, 0.1)], abs=0.01)
+    assert pages("emission")["Floor"][16, 16] == pytest.approx([0.75 * c for c in (0.8, 0.2, 0.1)], abs=1e-6)
+
+
+def test_nothing_of_the_users_is_changed_and_nothing_is_left():
+    def grouped(tree: Tree) -> bpy.types.NodeSocket:
+        group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+        group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+        end, coordinates = group.nodes.new("NodeGroupOutput"), group.nodes.new("ShaderNodeTexCoord")
+        group.links.new(coordinates.outputs["Generated"], end.inputs[0])
+        node = tree.node("Group")
+        node.node_tree = group
+        return node.outputs[0]
+
+    plane("Floor", emitting(grouped))
+    cube("Box", emitting(checkers), emitting(of_geometry("Random Per Island")))
+    before, active = snapshot(), bpy.context.view_layer.objects.active
+    shown = pages()
+    assert shown["Floor"].max() > 0.9
+    assert differences(before, snapshot()) == []
+    assert bpy.context.view_layer.objects.active == active
+
+
+def test_a_material_that_is_gone_is_an_error_that_leaves_nothing():
+    plane("Floor", emitting(checkers, "Paint"))
+    extraction = extract_scene(bpy.context.scene)
+    bpy.data.materials["Paint"].name = "Other"
+    before = snapshot()
+    with pytest.raises(SceneError, match="'Paint': was renamed or deleted"):
+        CyclesShader(bpy.context.scene, extraction)(layout_of(extraction), np.ones(1, bool), "emission")
+    assert differences(before, snapshot()) == []
+
+
+def test_triangles_smaller_than_a_texel_are_shown_too():
+    """Each triangle of a grid on a speck of its own, few of which hold the centre of a texel."""
+    thing = plane("Floor", emitting(of_geometry("Position")))
+    thing.modifiers.new("Cut", "SUBSURF").render_levels = 3
+    thing.modifiers["Cut"].subdivision_type = "SIMPLE"
+    extraction = extract_scene(bpy.context.scene)
+    mesh = extraction.scene.meshes[0]
+    count = len(mesh.triangles)
+    cell = np.stack([np.arange(count) % 12, np.arange(count) // 12], axis=1)[:, None] * 5 + 2.1
+    uv = (cell + np.array([[0, 0], [0.2, 0], [0, 0.2]])) / SIZE
+    layout = Layout(SIZE, 1, np.zeros(1, np.int32), (uv.astype(np.float32),))
+    page = CyclesShader(bpy.context.scene, extraction)(layout, np.ones(1, bool), "emission")[0]
+    middle = mesh.vertices[mesh.triangles].mean(1)
+    column, row = cell[:, 0].astype(int).T
+    assert np.abs(page[row, column] - middle).max() < 1e-3
+    assert np.abs(page[row + 1, column + 1] - middle).max() < 1e-3
