@@ -15,7 +15,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radiosity_addon"
-CORE = sorted(path for path in PACKAGE.glob("*.py") if path.name != "__main__.py")
+CORE = sorted(
+    path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py" and path.parent != PACKAGE / "blender"
+)
 EVERYWHERE = sorted(PACKAGE.rglob("*.py"))
 
 IMPORT_EACH_FIRST = """
