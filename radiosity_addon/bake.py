@@ -93,11 +93,14 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     solution, passes = yield from log.stage("Radiosity", between)
     bounced = clamped(direct, look.reflectance, settings.clamp_indirect)
     light = Illumination(look=look, direct=bounced, passes=passes, world=world_radiance(scene))
-    indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
+    if settings.final_gather:
+        indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
+    else:
+        indirect = light.irradiance_of_patches(patches)
     light_of_lamps = clamped(direct, look.reflectance, settings.clamp_direct)
     pages = yield from log.stage("Pages", _pages(texels, light_of_lamps + indirect, atlas))
     warnings = (*scene.warnings, *atlas.warnings, *warnings)
-    if not solution.converged:
+    if not solution.converged and settings.most_steps is None:
         warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
     return Baked(
         atlas=atlas,
@@ -136,7 +139,8 @@ def _light_between(
 ) -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
     """Refine to the tolerance, the share done by the residual's decades; then the bounces that are counted."""
     endless = np.array([limit is None for limit in limits])[:, None]
-    steps = SOLVERS[settings.solver](transport, patches, exitance.total * endless, settings.tolerance)
+    limit = {} if settings.most_steps is None else {"most_steps": settings.most_steps}
+    steps = SOLVERS[settings.solver](transport, patches, exitance.total * endless, settings.tolerance, **limit)
     decades = -np.log(settings.tolerance)
     while True:
         try:
@@ -146,6 +150,8 @@ def _light_between(
             log.residual = solution.residuals[-1]
             break
         yield 0.9 * min(1.0, float(-np.log(max(log.residual, 1e-12)) / decades))
+    if settings.ambient:
+        solution = solution.with_ambient(patches.reflectance)
     counted = patch_light(transport, patches, exitance, sky, solution, limits, settings.steps.gather_passes)
     return solution, (yield from scaled(counted, 0.9, 1.0))
 

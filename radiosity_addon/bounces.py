@@ -38,10 +38,11 @@ ENDLESS = 256
 
 def bounce_limits(scene: Scene, settings: BakeSettings) -> tuple[int | None, ...]:
     """Most bounces of each light group: the lower of the scene's and the settings' limits, None where there is none."""
+    own = 0 if settings.final_gather else 1  # patches then show what the gather would have added
 
     def lower(limit: int | None) -> int | None:
         given = [each for each in (limit, settings.bounces) if each is not None and each < ENDLESS]
-        return min(given, default=None)
+        return min(given) + own if given else None
 
     return tuple(lower(scene.bounces.get(group)) for group in range(len(scene.groups)))
 

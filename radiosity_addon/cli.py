@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: done, an error, wrong arguments, stopped by Ctrl-C."""
+PASS_SOLVERS = ("jacobi", "progressive")
+"""Solvers whose passes can be shown."""
 TRACEBACK_VARIABLE = "RADIOSITY_TRACEBACK"
 """Environment variable that, when set, shows where an internal error came from."""
 
 
 @dataclass(frozen=True)
 class Verb:
-    """What `bake`, `revert` and `info` were asked for. None is: as saved in the scene, or not at all."""
+    """What `bake`, `revert`, `passes` and `info` were asked for. None is: as saved in the scene, or not at all."""
 
     name: str
     scene: Path
@@ -51,6 +53,8 @@ class Verb:
     threads: int | None = None
     write_back: str | None = None
     object: tuple[str, ...] = ()
+    passes: tuple[int, ...] | None = None
+    picture: Path | None = None
     quiet: bool = False
 
 
@@ -133,6 +137,27 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
         "-o", dest="output", type=_blend, required=True, metavar="OUT.blend", help="the scene as before"
     )
 
+    passes = verbs.add_parser(
+        "passes",
+        help="a contact sheet of a scene after so many passes of a solver",
+        description="Render a scene after each of some passes of a solver, side by side.",
+    )
+    _add_scene(passes, "the scene to look at", opened)
+    passes.add_argument(
+        "--solver",
+        choices=PASS_SOLVERS,
+        default=PASS_SOLVERS[0],
+        help="jacobi: light after so many bounces less one; progressive: after so many shots, as the patches have it, "
+        "above without and below with a guess at what is still to come; default: %(default)s",
+    )
+    passes.add_argument(
+        "--passes", type=_numbers, metavar="N,N,...", help="default: 1,2,3,6 for jacobi, 1,10,100,1000 for progressive"
+    )
+    passes.add_argument("--picture", type=_png, required=True, metavar="SHEET.png", help="the contact sheet")
+    passes.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
+    _add_density(passes)
+    passes.add_argument("--quiet", action="store_true", help="print errors only")
+
     info = verbs.add_parser(
         "info", help="list what would be baked, and what not and why", description="List what would be baked."
     )
@@ -170,6 +195,16 @@ def _bounces(text: str) -> str | int:
         raise argparse.ArgumentTypeError(f"{text!r} is neither all, scene nor a number") from error
 
 
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(int(part) for part in text.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} are no numbers parted by commas") from error
+    if min(numbers) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: the first pass is 1")
+    return numbers
+
+
 def _path_with(text: str, suffix: str) -> Path:
     if Path(text).suffix.lower() != suffix:
         raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
@@ -200,7 +235,7 @@ def _check_apart(verb: Verb) -> None:
         OutputError: two names are one file
     """
     taken = {path.resolve() for path in (verb.scene, verb.output) if path}
-    for path in filter(None, (verb.report, verb.render)):
+    for path in filter(None, (verb.report, verb.render, verb.picture)):
         if path.resolve() in taken:
             raise OutputError(str(path), "another file of this bake has this name", "Choose another file name")
         taken.add(path.resolve())
@@ -212,12 +247,16 @@ def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
             "Blender", "its Python module bpy is not installed", "Run `pip install .` on Python 3.11 or 3.13"
         )
     from .blender import blend_files, commands, registered
+    from .blender.passes import contact_sheet
 
     with registered():
         if not is_open:
             blend_files.open_blend(verb.scene)
         if verb.name == "bake":
             _say_result(commands.bake(verb, meter), verb, meter)
+        elif verb.name == "passes":
+            contact_sheet(verb, meter)
+            meter.say(f"Saved {verb.picture}")
         elif verb.name == "revert":
             commands.revert(verb)
             meter.say(f"Saved {verb.output}")

@@ -102,6 +102,13 @@ class Illumination:
     passes: tuple[PatchLight, ...]
     world: Float32
 
+    def irradiance_of_patches(self, patches: Patches) -> Float32:
+        """Irradiance (T, G, 3), W/m2, of each texel's patch, from other patches and the sky; 0 where there is none."""
+        owner = patches.of_element[: patches.texels.count]
+        found: Float32 = self.passes[-1].irradiance[np.maximum(owner, 0)]
+        found[owner < 0] = 0
+        return found
+
     def radiance(
         self, number: int, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None
     ) -> Float32:

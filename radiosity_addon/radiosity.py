@@ -10,7 +10,7 @@ lacks later bounces. Light groups and colour channels ride along as columns.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -89,6 +89,7 @@ class Solution:
         radiosity: (N, G, 3) float64, W/m2
         irradiance: (N, G, 3) float64, W/m2, received from patches; direct light that came in the exitance is not in it
         unshot: (N, G, 3) float64, W/m2
+        ambient: (G, 3) float64, W/m2, irradiance that the unshot light may bring in the end
         shots: patches shot, counted each time
         residuals: the residual at the start and after every step
         converged: the residual is within the tolerance
@@ -98,11 +99,21 @@ class Solution:
     radiosity: Float64
     irradiance: Float64
     unshot: Float64
+    ambient: Float64
     shots: int
     residuals: tuple[float, ...]
     converged: bool
     balance: Balance
 
+    def with_ambient(self, reflectance: Floats) -> Solution:
+        """The same with a guess at the light still to come, for reflectances (N, 3)."""
+        irradiance = self.irradiance + self.ambient
+        return replace(
+            self, irradiance=irradiance, radiosity=self.radiosity + reflectance[:, None].astype(float) * self.ambient
+        )
+
+
+TINY = 1e-30
 
 Refinement: TypeAlias = Generator[SolverState, None, Solution]
 """Yields the state after each step, returns the solution."""
@@ -141,10 +152,13 @@ class UnshotLight:
         return weighed.sum(1)
 
     def ambient(self) -> Float64:
-        """Irradiance (C,), W/m2, that the unshot light brings if it is spread evenly, reflected for ever by the mean
+        """Irradiance (C,), W/m2, that the unshot light brings if it is spread evenly and reflected for ever by the mean
         reflectance, in a room that nothing leaves (Cohen, Chen, Wallace and Greenberg 1988, section 5).
+
+        Patches count by the area that sees others: the outer faces of a room have no part in its light.
         """
-        weight = self._area / self._area.sum()
+        weight = self._area * (1 - self.transport.escaped[:, None])
+        weight /= max(float(weight.sum()), TINY)
         mean_reflectance = np.minimum((weight * self.reflectance).sum(0), 0.99)
         ambient: Float64 = (weight * self.unshot).sum(0) / (1 - mean_reflectance)
         return ambient
@@ -214,6 +228,7 @@ def relax(light: UnshotLight, step: Step, tolerance: float, most_steps: int) -> 
         radiosity=last.radiosity,
         irradiance=last.irradiance,
         unshot=last.unshot,
+        ambient=last.ambient,
         shots=light.shots,
         residuals=tuple(residuals),
         converged=residuals[-1] <= tolerance,

@@ -64,6 +64,9 @@ class BakeSettings:
         bounces: most reflections of light that a lightmap holds; None for all
         clamp_direct, clamp_indirect: largest radiance, mean of the channels, that lamps may bring onto a texel, and
             that reflected light may have, as Cycles clamps samples; 0 for no limit
+        most_steps: steps after which the solver stops unfinished; None for its own limit
+        ambient: guess what an unfinished solver has left unshot
+        final_gather: rays bring the light of patches to texels; without, each texel shows its patch's
         threads: worker threads; 0 takes all processors that the process may use
     """
 
@@ -75,6 +78,9 @@ class BakeSettings:
     bounces: int | None = None
     clamp_direct: float = 0.0
     clamp_indirect: float = 0.0
+    most_steps: int | None = None
+    ambient: bool = False
+    final_gather: bool = True
     threads: int = 0
     workers: int = field(init=False, default=1)
 

@@ -61,6 +61,20 @@ def test_skylight_is_direct_light(bounces, expected):
     assert page.mean() == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_patches_shown_as_they_are_hold_as_many_bounces(bounces):
+    page = page_of(ball(PointLight("Lamp", INTENSITY, (0, 0, 0))), bounces=bounces, final_gather=False)
+    assert page.mean() * np.pi == pytest.approx(2 * geometric_sum(bounces), rel=0.01)
+
+
+def test_the_ambient_term_is_exact_where_light_is_even():
+    """Nothing is shot, all is guessed: H = I / R^2 (1 + rho / (1 - rho)), the first 1 being direct light."""
+    scene = ball(PointLight("Lamp", INTENSITY, (0, 0, 0)))
+    page = page_of(scene, most_steps=0, ambient=True, final_gather=False)
+    assert page.mean() * np.pi == pytest.approx(2 / (1 - RHO), rel=0.01)
+    assert page_of(scene, most_steps=0, final_gather=False).mean() * np.pi == pytest.approx(2, rel=0.01)
+
+
 def test_a_limit_of_all_bounces_is_none():
     scene = ball(PointLight("Lamp", INTENSITY, (0, 0, 0)))
     assert np.array_equal(page_of(scene, bounces=1024), page_of(scene))

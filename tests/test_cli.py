@@ -265,3 +265,11 @@ def test_counts_are_short(number: float, shown: str) -> None:
 @pytest.mark.parametrize(("seconds", "shown"), [(7.4, "0:07"), (750, "12:30"), (3723, "1:02:03")])
 def test_durations_read_as_clocks(seconds: float, shown: str) -> None:
     assert duration(seconds) == shown
+
+
+def test_passes_are_numbers_from_one_on(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> None:
+    assert cli.main(["passes", str(blend), "--passes", "1,2,30", "--picture", "s.png"]) == 0
+    wanted = cli.Verb("passes", blend, solver="jacobi", passes=(1, 2, 30), picture=Path.cwd() / "s.png")
+    assert ran == [(wanted, False)]
+    for wrong in ("0,1", "1;2", ""):
+        assert cli.main(["passes", str(blend), "--passes", wrong, "--picture", "s.png"]) == 2

@@ -54,7 +54,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
     with Transaction() as files:
         for target in filter(None, (output, verb.report, verb.render)):
             files.make_folder(target.parent)
-        report = _watched(bake_scene(scene, job, files), meter)
+        report = watched(bake_scene(scene, job, files), meter)
         save_blend(output, files)
         if verb.render:
             shown = [bpy.data.objects[baked.object] for baked in report.objects]
@@ -131,7 +131,7 @@ def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
     return replace(scene.radiosity.bake_settings(), **given)
 
 
-def _watched(steps: Generator[Progress, None, Report], meter: Meter) -> Report:
+def watched(steps: Generator[Progress, None, Report], meter: Meter) -> Report:
     """Run a bake to its end and show how far it is, without what Blender prints in between."""
     try:
         while True:
