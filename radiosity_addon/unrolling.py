@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lays nets flat by arc length, as one unrolls a cone.
+
+A piece of a net whose rows grow evenly longer, such as a part of a vase, is close to a cone, and a cone unrolls to a
+sector of a ring without any distortion: rows become arcs as long as they are, columns become radii. Cylinders unroll
+to rectangles, the caps of a sphere to discs. What bends too much for one piece is cut, until every piece is true to
+length within a bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Float64, Int64
+from .patchwork import Cap, Net, faces_of
+
+STRETCH = 1.5
+"""Most that lengths in a chart may differ from those on the surface, as a factor either way."""
+
+MOST_PIECES = 64
+"""A net that needs more pieces is no net to lay flat by rows and columns."""
+
+LONG = 2.0
+"""Longest piece, as a multiple of the square root of the object's area: strips pack worse the longer they are."""
+
+FULL_CIRCLE = 0.97 * 2 * np.pi
+"""Widest sector: its two ends must not meet."""
+
+STRAIGHT = 1e-3
+"""Sectors of a smaller angle are rectangles."""
+
+LOOKED_AT = 48
+"""Rows and columns of a piece, at most, whose distortion is measured."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Rows first_row..last_row and columns first_column..last_column of a net, both ends included."""
+
+    first_row: int
+    last_row: int
+    first_column: int
+    last_column: int
+
+    def part(self, points: Float64) -> Float64:
+        return points[self.first_row : self.last_row + 1, self.first_column : self.last_column + 1]
+
+    def cut(self, points: Float64, axis: int) -> tuple[_Piece, _Piece] | None:
+        """Halves of equal length along rows (axis 0: the cut is a row) or columns; None for a single strip."""
+        steps = np.linalg.norm(np.diff(self.part(points), axis=axis), axis=2).mean(axis=1 - axis)
+        if len(steps) < 2:
+            return None
+        length = np.cumsum(steps)
+        at = int(np.argmin(np.abs(length[:-1] - length[-1] / 2))) + 1
+        if axis == 0:
+            middle = self.first_row + at
+            return (
+                _Piece(self.first_row, middle, self.first_column, self.last_column),
+                _Piece(middle, self.last_row, self.first_column, self.last_column),
+            )
+        middle = self.first_column + at
+        return (
+            _Piece(self.first_row, self.last_row, self.first_column, middle),
+            _Piece(self.first_row, self.last_row, middle, self.last_column),
+        )
+
+
+def unroll(nets: Sequence[Net], caps: Sequence[Cap], linear: Float64) -> tuple[Float64, Int64] | None:
+    """Places in the plane of the corners of a patchwork of these nets and caps, in its numbering.
+
+    Args:
+        linear: (3, 3) float64, the matrix that takes points to the world's scale
+
+    Returns:
+        (K, 2) float64, m, each chart in a plane of its own, and (K,) int64, the chart; None if a net bends too much
+    """
+    scaled = [net.around(net.points) @ linear.T for net in nets]
+    area = sum(float(_face_areas(points).sum()) for points in scaled)
+    places, charts, count = [np.zeros((0, 2))], [np.zeros(0, np.int64)], 0
+    for points in scaled:
+        pieces = _pieces(points, LONG * np.sqrt(area))
+        if pieces is None:
+            return None
+        rows, columns = points.shape[:2]
+        place, chart = np.zeros((rows - 1, columns - 1, 4, 2)), np.zeros((rows - 1, columns - 1, 4), np.int64)
+        for piece in pieces:
+            faces = slice(piece.first_row, piece.last_row), slice(piece.first_column, piece.last_column)
+            place[faces] = faces_of(_flattened(piece.part(points))[0])
+            chart[faces] = count
+            count += 1
+        places.append(place.reshape(-1, 2))
+        charts.append(chart.reshape(-1))
+    for cap in caps:
+        places.append(_in_its_plane(cap.points @ linear.T))
+        charts.append(np.full(len(cap.points), count))
+        count += 1
+    return np.concatenate(places), np.concatenate(charts)
+
+
+def _pieces(points: Float64, longest: float) -> list[_Piece] | None:
+    """Pieces of a net that can be laid flat; None if they became too many."""
+    waiting = [_Piece(0, points.shape[0] - 1, 0, points.shape[1] - 1)]
+    done: list[_Piece] = []
+    while waiting:
+        piece = waiting.pop()
+        part = piece.part(points)
+        flat, stretch = _flattened(part)
+        if stretch <= STRETCH:
+            if np.ptp(flat.reshape(-1, 2), axis=0).max() <= longest or not (halves := _halves(piece, points)):
+                done.append(piece)
+            else:
+                waiting += halves[::-1]
+            continue
+        cuts = [halves for axis in (0, 1) if (halves := piece.cut(points, axis))]
+        if not cuts:
+            done.append(piece)  # a single face: its polygon is repaired when charts are tidied
+            continue
+        waiting += min(cuts, key=lambda halves: max(_flattened(half.part(points))[1] for half in halves))[::-1]
+        if len(done) + len(waiting) > MOST_PIECES:
+            return None
+    return done
+
+
+def _halves(piece: _Piece, points: Float64) -> tuple[_Piece, _Piece] | None:
+    """A piece cut across its longer direction."""
+    part = piece.part(points)
+    lengths = [float(np.linalg.norm(np.diff(part, axis=axis), axis=2).sum(axis=axis).max()) for axis in (0, 1)]
+    return piece.cut(points, int(lengths[1] > lengths[0]))
+
+
+def _flattened(points: Float64) -> tuple[Float64, float]:
+    """Places (R, C, 2) of a piece (R, C, 3), and how much lengths are stretched at worst.
+
+    It is unrolled as a cone whose top lies beyond the first or last row, or beyond the first or last column.
+    """
+    by_rows = _as_cone(points)
+    by_columns = np.swapaxes(_as_cone(np.swapaxes(points, 0, 1)), 0, 1)[..., ::-1]
+    chosen = [_evenly(size) for size in points.shape[:2]]
+    sample = points[np.ix_(*chosen)]
+    stretches = [_stretch(sample, flat[np.ix_(*chosen)]) for flat in (by_rows, by_columns)]
+    return (by_rows, stretches[0]) if stretches[0] <= stretches[1] else (by_columns, stretches[1])
+
+
+def _evenly(size: int) -> Int64:
+    return np.unique(np.linspace(0, size - 1, min(size, LOOKED_AT)).round().astype(np.int64))
+
+
+def _as_cone(points: Float64) -> Float64:
+    """Places (R, C, 2): rows as arcs about one centre, as long as they are, as far as that goes."""
+    along = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    length = along.sum(axis=1)
+    share = np.append(0.0, np.cumsum(along.sum(axis=0)))
+    share /= max(share[-1], 1e-300)
+    down = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)))
+    weight = np.convolve(np.diff(down), [0.5, 0.5]) + 1e-300
+    middle, mean = np.average(down, weights=weight), np.average(length, weights=weight)
+    spread = np.average((down - middle) ** 2, weights=weight)
+    angle = float(np.average((down - middle) * (length - mean), weights=weight) / max(spread, 1e-300))
+    angle = float(np.clip(angle, -FULL_CIRCLE, FULL_CIRCLE))
+    if abs(angle) * (down[-1] - down[0]) < STRAIGHT * mean:
+        return np.stack(np.broadcast_arrays((share - 0.5) * mean, down[:, None]), axis=2)
+    radius = np.maximum((mean + angle * (down - middle)) / abs(angle), 0.0)
+    turn = (share - 0.5) * abs(angle)
+    around = np.stack([np.sin(turn), np.cos(turn) * np.sign(angle)], axis=1)
+    return np.asarray(radius[:, None, None] * around)
+
+
+def _stretch(points: Float64, flat: Float64) -> float:
+    """The largest factor by which a length in the plane is too long or too short, areas being equal in sum.
+
+    From the singular values of the map of each face's two triangles (Sander et al. 2001, "Texture mapping progressive
+    meshes").
+    """
+    worst_long, worst_short, total, total_flat = 0.0, np.inf, 0.0, 0.0
+    for a, b in ((1, 2), (2, 3)):
+        corners, places = (faces_of(array).reshape(-1, 4, array.shape[2]) for array in (points, flat))
+        e1, e2 = corners[:, a] - corners[:, 0], corners[:, b] - corners[:, 0]
+        d1, d2 = places[:, a] - places[:, 0], places[:, b] - places[:, 0]
+        g11, g12, g22 = (e1 * e1).sum(1), (e1 * e2).sum(1), (e2 * e2).sum(1)
+        f11, f12, f22 = (d1 * d1).sum(1), (d1 * d2).sum(1), (d2 * d2).sum(1)
+        determinant = g11 * g22 - g12**2
+        real = determinant > 1e-12 * float(np.maximum(g11, g22).max(initial=0.0)) ** 2
+        if not real.any():
+            continue
+        area = np.sqrt(determinant[real])
+        signed = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[real]
+        trace = (g22 * f11 - 2 * g12 * f12 + g11 * f22)[real] / determinant[real]
+        product = np.abs(signed) / area
+        root = np.sqrt(np.maximum(trace**2 / 4 - product**2, 0.0))
+        worst_long = max(worst_long, float(np.sqrt(trace / 2 + root).max()))
+        worst_short = min(worst_short, float((product / np.sqrt(np.maximum(trace / 2 + root, 1e-300))).min()))
+        total += float(area.sum())
+        total_flat += float(abs(signed.sum()))
+        if (signed > 0).any() and (signed < 0).any():
+            return np.inf  # folded over
+    if not total_flat > 0:
+        return 1.0 if not total > 0 else np.inf
+    scale = np.sqrt(total / total_flat)
+    return float(max(worst_long * scale, 1 / max(worst_short * scale, 1e-300)))
+
+
+def _face_areas(points: Float64) -> Float64:
+    corners = faces_of(points).reshape(-1, 4, 3)
+    diagonals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    return np.asarray(np.linalg.norm(diagonals, axis=1) / 2)
+
+
+def _in_its_plane(points: Float64) -> Float64:
+    """A flat polygon (K, 3) in plane coordinates (K, 2)."""
+    following = np.roll(points, -1, axis=0)
+    normal = np.cross(points - points[0], following - points[0]).sum(axis=0)
+    length = float(np.linalg.norm(normal))
+    edges = following - points
+    longest = edges[int(np.argmax((edges**2).sum(axis=1)))]
+    across = longest / max(float(np.linalg.norm(longest)), 1e-300)
+    up = np.cross(normal / length, across) if length > 0 else np.zeros(3)
+    return np.stack([points @ across, points @ up], axis=1)
