@@ -15,20 +15,27 @@ from .chunks import Fractions, scaled
 from .errors import SceneError
 from .form_factor import Transport, trace_transport
 from .gather import final_gather
-from .illumination import Exitance, Illumination, PatchLight, first_exitance, world_radiance
+from .illumination import (
+    Exitance,
+    Illumination,
+    PatchLight,
+    cell_radiance,
+    first_exitance,
+    sky_irradiance,
+    world_radiance,
+)
 from .lightmap import compose
 from .lights import direct_irradiance, lamps_of
-from .opacity import opacity_of
 from .patches import Patches, group_patches
 from .radiosity import Solution
 from .scene import Scene
 from .settings import BakeSettings
 from .shading import Shader
+from .sky import sky_of
 from .solvers import SOLVERS
 from .stages import Progress, Stage, StageLog
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
-from .transmittance import transmittance_of
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
@@ -78,28 +85,26 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     atlas = yield from log.stage("Unwrap", build_atlas(scene, settings))
     surfaces = flatten(scene)
     scene = scene.moved(-surfaces.origin)
-    transmittance = transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
-    visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
+    visibility = log.visibility = Visibility(surfaces.corners)
     solid = solid_triangles(scene, surfaces, visibility)
     texels = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
     look, warnings = yield from log.stage("Materials", appearance_of(scene, atlas, texels, shade))
-    lamps = lamps_of(scene, surfaces)
+    sky = sky_of(scene.world)
+    lamps = lamps_of(scene, surfaces, () if sky is None else sky.suns)
     groups = len(scene.groups)
     direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
     look = look.without(texels, lamps.sampled)
     wanted = texels.pixel < atlas.page_count * atlas.size**2
-    opacity = opacity_of(texels, transmittance)
-    if opacity is not None:
-        look = look.stopped(opacity)
-    aimed = _patches_for(wanted, settings)
-    patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, aimed, opacity)
-    transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings))
-    sky = transport.sky[:, None, None] * np.pi * world_radiance(scene) * transport.sky_tint[:, None]
-    exitance = first_exitance(patches, look, direct, sky, lamps, visibility, groups)
-    between = _light_between(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
+    patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, _patches_for(wanted, settings))
+    transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, sky))
+    from_sky = sky_irradiance(transport, scene)
+    exitance = first_exitance(patches, look, direct, from_sky, lamps, visibility, groups)
+    between = _light_between(log, transport, patches, exitance, from_sky, bounce_limits(scene, settings), settings)
     solution, passes = yield from log.stage("Radiosity", between)
     bounced = clamped(direct, look.reflectance, settings.clamp_indirect)
-    light = Illumination(look=look, direct=bounced, passes=passes, world=world_radiance(scene))
+    light = Illumination(
+        look=look, direct=bounced, passes=passes, world=world_radiance(scene), sky=cell_radiance(sky, scene)
+    )
     if settings.final_gather:
         indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
     else:

@@ -8,7 +8,7 @@ that is reciprocal and keeps energy, so both estimates of a pair are joined and 
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from .chunks import finish, in_chunks, scaled
 from .patches import NOTHING, SKY, Patches
 from .sampling import cosine_directions, even_uniform
 from .settings import BakeSettings
-from .visibility import Visibility, passing_chance
+from .sky import Sky
+from .visibility import Visibility
 
 TRACED_RAYS = 16384
 """Rays of patches of mean size that are traced at once: their arrays, 2 MB, stay in cache."""
@@ -68,7 +69,7 @@ class Transport:
         sky: (N,) float64, share of a patch's view that is sky: as `escaped`, but 0 where a patch is buried
         rays: (N,) int64, rays that a row was estimated from
         workers: threads
-        sky_tint: (N, 3) float64, what the sky's light on a patch is multiplied with, on average, for passing surfaces
+        sky_radiance: (N, 3) float64, W/(m2 sr), mean of the sky's cells over the rays of a patch that left
     """
 
     area: Float64
@@ -79,7 +80,7 @@ class Transport:
     sky: Float64
     rays: Int64
     workers: int = 1
-    sky_tint: Float64 = field(default_factory=lambda: np.ones((1, 3)))
+    sky_radiance: Float64 | float = 0.0
 
     @property
     def count(self) -> int:
@@ -117,7 +118,7 @@ class Transport:
 
 
 def trace_transport(
-    patches: Patches, visibility: Visibility, settings: BakeSettings
+    patches: Patches, visibility: Visibility, settings: BakeSettings, sky: Sky | None = None
 ) -> Generator[float, None, Transport]:
     """Trace which patches see each other; yields the share done and returns the balanced Transport.
 
@@ -127,27 +128,22 @@ def trace_transport(
     rays = ray_counts(patches.area, settings.steps.patch_rays)
     begin = np.concatenate([[0], np.cumsum(rays)])
     target = np.empty(begin[-1], np.int32)
-    sky_tint = np.ones((len(rays), 3))
+    sky_radiance = np.zeros((patches.count, 3))
 
     def trace(start: int, stop: int) -> None:
         ids = np.repeat(np.arange(start, stop, dtype=np.int32), rays[start:stop])
         sample = np.arange(begin[start], begin[stop]) - begin[ids]
         origins, normals = patches.origins(ids, sample)
         directions = cosine_directions(normals, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
-        hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample))
-        met = patches.at(hits)
+        met = patches.at(visibility.first_hit(origins, directions))
         target[begin[start] : begin[stop]] = met
-        if hits.tint is not None:
-            gone, left = ids[met == SKY] - start, hits.tint[met == SKY]
-            number = np.bincount(gone, minlength=stop - start)
-            for channel in range(3):
-                seen = np.bincount(gone, weights=left[:, channel], minlength=stop - start)
-                sky_tint[start:stop, channel] = seen / np.maximum(number, 1)
+        if sky is not None:
+            sky_radiance[start:stop] = sky.mean_seen(directions[met == SKY], ids[met == SKY] - start, stop - start)
 
     chunk = max(1, TRACED_RAYS // settings.steps.patch_rays)
     yield from scaled(in_chunks(trace, len(rays), chunk, settings.workers), 0.0, 0.8)
     transport = yield from join_hits(patches.area, rays, target, settings.workers)
-    return replace(transport, sky_tint=sky_tint)
+    return replace(transport, sky_radiance=sky_radiance)
 
 
 def ray_counts(area: Float64, mean: int) -> Int64:

@@ -9,9 +9,11 @@ import numpy as np
 
 from .appearance import Appearance
 from .arrays import Bools, Float32, Float64, Int32
+from .form_factor import Transport
 from .lights import Lamps, irradiance_at
 from .patches import Patches
 from .scene import Scene
+from .sky import Sky
 from .visibility import Visibility
 
 BACK_SAMPLES = 4
@@ -26,6 +28,22 @@ def world_radiance(scene: Scene) -> Float32:
     radiance = np.zeros((len(scene.groups), 3), np.float32)
     radiance[scene.world.group] = scene.world.radiance
     return radiance
+
+
+def cell_radiance(sky: Sky | None, scene: Scene) -> Float32:
+    """Radiance (C, G, 3) of the sky's cells in each light group; no cells without a sky."""
+    radiance = np.zeros((0 if sky is None else len(sky.radiance), len(scene.groups), 3), np.float32)
+    if sky is not None:
+        radiance[:, scene.world.group] = sky.radiance
+        radiance += world_radiance(scene)
+    return radiance
+
+
+def sky_irradiance(transport: Transport, scene: Scene) -> Float64:
+    """What patches get from the world (N, G, 3), W/m2: how much of their view is sky times what they see of it."""
+    seen = np.tile(world_radiance(scene).astype(np.float64), (transport.count, 1, 1))
+    seen[:, scene.world.group] += transport.sky_radiance
+    return transport.sky[:, None, None] * np.pi * seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +112,15 @@ class Illumination:
         look: reflectance and own light of texels
         direct: (T, G, 3) float32, W/m2, from lamps
         passes: the light of patches, for each gather pass
-        world: (G, 3) float32, W/(m2 sr), seen by rays that leave
+        world: (G, 3) float32, W/(m2 sr), seen by rays that leave where the sky is alike everywhere
+        sky: (C, G, 3) float32, W/(m2 sr), of the cells of a sky that is not; rows after the patches'
     """
 
     look: Appearance
     direct: Float32
     passes: tuple[PatchLight, ...]
     world: Float32
+    sky: Float32
 
     def irradiance_of_patches(self, patches: Patches) -> Float32:
         """Irradiance (T, G, 3), W/m2, of each texel's patch, from other patches and the sky; 0 where there is none."""
@@ -112,7 +132,7 @@ class Illumination:
     def radiance(
         self, number: int, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None
     ) -> Float32:
-        """What each element sends out in a gather pass, (T + N + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
+        """What each element sends out in a gather pass, (T + N + C + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
 
         Args:
             number: of the pass
@@ -121,7 +141,7 @@ class Illumination:
         """
         light = self.passes[number]
         count, groups = len(self.direct), self.direct.shape[1]
-        table = np.zeros((count + patches.count + SPECIAL_ROWS, groups, 3), np.float32)
+        table = np.zeros((count + patches.count + len(self.sky) + SPECIAL_ROWS, groups, 3), np.float32)
         for start in range(0, count, 1 << 16):
             part = slice(start, min(start + (1 << 16), count))
             patch = patches.of_element[part]
@@ -136,5 +156,6 @@ class Illumination:
             received[np.arange(len(patch)), self.look.group[part]] += self.look.emission[part]
             table[part] = received
         table[count : count + patches.count] = light.radiosity / np.float32(np.pi)
+        table[count + patches.count : -SPECIAL_ROWS] = self.sky
         table[-1] = self.world
         return table.reshape(len(table), -1)

@@ -170,17 +170,37 @@ class AreaLight:
 Light: TypeAlias = PointLight | SpotLight | SunLight | AreaLight
 
 
-@dataclass(frozen=True)
-class World:
-    """Uniform light from everywhere outside.
+@dataclass(frozen=True, eq=False)
+class SkyTile:
+    """A picture of a part of the sky, a rectangle in longitude atan2(y, x) and latitude asin(z) of the way one looks.
 
     Attributes:
-        radiance: W/(m2 sr)
+        radiance: (H, W, 3) float32, W/(m2 sr), means over pixels; row 0 is the southernmost, columns go east
+        west, east: radians, of the outer edges of the columns, east - west at most 2 pi
+        south, north: radians, of the outer edges of the rows, within -pi/2 .. pi/2
+    """
+
+    radiance: Float32
+    west: float = -np.pi
+    east: float = np.pi
+    south: float = -np.pi / 2
+    north: float = np.pi / 2
+
+
+@dataclass(frozen=True)
+class World:
+    """Light from everywhere outside.
+
+    Attributes:
+        radiance: the same from everywhere, W/(m2 sr)
         group: light group, index into Scene.groups
+        sky: what comes on top of it: none, or pictures of which the first shows the whole sky and each further one a
+            part of it in more detail. They don't overlap, and each takes the place of whole pixels of the first
     """
 
     radiance: RGB = (0.0, 0.0, 0.0)
     group: int = 0
+    sky: tuple[SkyTile, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

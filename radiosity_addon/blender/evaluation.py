@@ -57,7 +57,7 @@ def at_render_settings(
     """
     layer = view_layer or _shown_layer(scene)
     look = _Look(use)
-    with _engine(look), quiet_handlers(RENDER_HANDLERS), _copy_to_render(scene) as copy:
+    with _engine(look), quiet_handlers(RENDER_HANDLERS), without_render_result(), _copy_to_render(scene) as copy:
         bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name, layer=layer.name)
     if look.failure is not None:
         raise look.failure
@@ -109,8 +109,19 @@ def quiet_handlers(names: Iterable[str]) -> Iterator[None]:
 
 
 @contextmanager
+def without_render_result() -> Iterator[None]:
+    """The image that shows the last render is there afterwards only if it was before."""
+    before = {image.session_uid for image in bpy.data.images}
+    try:
+        yield
+    finally:
+        for image in list(bpy.data.images):
+            if image.type == "RENDER_RESULT" and image.session_uid not in before:
+                bpy.data.images.remove(image)
+
+
+@contextmanager
 def _copy_to_render(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
-    images = {image.session_uid for image in bpy.data.images}
     copy = scene.copy()
     camera = None
     try:
@@ -131,6 +142,3 @@ def _copy_to_render(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
         bpy.data.scenes.remove(copy)
         if camera is not None:
             bpy.data.cameras.remove(camera)  # takes its object along
-        for image in list(bpy.data.images):
-            if image.type == "RENDER_RESULT" and image.session_uid not in images:
-                bpy.data.images.remove(image)

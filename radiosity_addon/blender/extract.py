@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -16,13 +16,14 @@ from ..errors import SceneError
 from ..scene import Light, Material, Mesh, Scene, World
 from .evaluation import at_render_settings
 from .lamps import read_lamp
-from .materials import read_material, read_world
+from .materials import read_material
 from .names import is_stand_in, original_material
 from .nodes import LinkCycle
 from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
 from .surface_inputs import Asking, SurfaceInputs
+from .world import read_world, render_sky
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
@@ -93,7 +94,10 @@ def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -
         if thing.mode == "EDIT":
             thing.update_from_editmode()
     with as_unbaked(scene):
-        return at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).extraction())
+        reading = at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).read_all())
+    if reading.world_to_render is not None:
+        reading.render_world(reading.world_to_render)
+    return reading.extraction()
 
 
 class Skip(Exception):
@@ -123,8 +127,11 @@ class _Reading:
         self.instances: Counter[tuple[str, str]] = Counter()
         self.warnings: dict[str, None] = {}
         self.triangles = 0
+        self.world = World()
+        self.world_to_render: bpy.types.World | None = None
 
-    def extraction(self) -> Extraction:
+    def read_all(self) -> _Reading:
+        """Take in all that is rendered, but for a world that has to be rendered itself."""
         seen = set()
         for item in self.depsgraph.object_instances:
             seen.add(item.object.original.name_full)
@@ -136,15 +143,19 @@ class _Reading:
             self.skipped[name] = "; ".join(filter(None, [self.skipped.get(name), reason]))
         if not any(mesh.lightmapped for mesh in self.meshes):
             raise self.nothing_to_bake()
-        world = self.world()
+        self.read_world()
+        return self
+
+    def extraction(self) -> Extraction:
+        """The records of what was taken in."""
         emitting = any(any(material.emission) for material in self.materials)
-        if not (self.lights or emitting or any(world.radiance)):
+        if not (self.lights or emitting or any(self.world.radiance) or self.world.sky):
             self.warn("There is no light in the scene: the lightmaps will be black")
         scene = Scene(
             meshes=tuple(self.meshes),
             materials=tuple(self.materials),
             lights=tuple(self.lights),
-            world=world,
+            world=self.world,
             groups=tuple(name for name, _ in self.groups),
             bounces={index: limit for index, (_, limit) in enumerate(self.groups) if limit is not None},
             working_space=working_space(),
@@ -314,16 +325,25 @@ class _Reading:
         if light is not None:
             self.lights.append(light)
 
-    def world(self) -> World:
+    def read_world(self) -> None:
         world = getattr(self.layer, "world_override", None) or self.depsgraph.scene_eval.world
         if world is None:
-            return World()
-        hears = self.hears(f"World {world.name!r}")
+            return
+        hears, group = self.hears(f"World {world.name!r}"), self.group(world.lightgroup, world)
         try:
-            return read_world(world, self.group(world.lightgroup, world), hears)
+            found = read_world(world, group, hears)
         except LinkCycle:
             hears("has a node tree that feeds back into itself, and gives no light")
-            return World()
+            return
+        if found is None:
+            self.world, self.world_to_render = World(group=group), world.original
+        else:
+            self.world = found
+
+    def render_world(self, world: bpy.types.World) -> None:
+        """Look at a world that no reading of nodes can tell; no render may be under way."""
+        sky = render_sky(self.originals, world, self.hears(f"World {world.name!r}"))
+        self.world = replace(self.world, sky=sky)
 
     def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:
         """Index of a light group; names that the view layer does not know are none.

@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Float64
 from ..errors import SceneError
 from ..microfacet import dielectric_fresnel, glossy_albedo, metal_fresnel
-from ..scene import MAX_REFLECTANCE, RGB, Material, World
+from ..scene import MAX_REFLECTANCE, RGB, Material
 from ..shading import QUANTITIES, Quantity
 from .nodes import Groups, LinkCycle, approximate, follow, known, likely
 
@@ -79,20 +79,6 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
         group=group if emission.any() or "emission" in varies else 0,
         varies=varies,
     )
-
-
-def read_world(world: bpy.types.World | None, group: int, warn: Warn) -> World:
-    """The world's record: one colour from everywhere.
-
-    Raises:
-        SceneError: it emits NaN or infinity
-        LinkCycle: its node tree feeds back into itself
-    """
-    if world is None or not getattr(getattr(world, "cycles_visibility", None), "diffuse", True):
-        return World()
-    tree = tree_of(world)
-    radiance = np.array(world.color, np.float64) if tree is None else read_tree(tree, warn).emission
-    return World(rgb(np.maximum(_finite(radiance, f"World {world.name!r}", "light"), 0)), group)
 
 
 def tree_of(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:

@@ -11,6 +11,7 @@ import bpy
 
 from ..errors import OutputError, SceneError
 from ..files import Transaction
+from .evaluation import without_render_result
 from .fitted_camera import fitted_camera
 
 SAMPLES = 64
@@ -44,7 +45,7 @@ def render_picture(
     if scene.camera is None and not objects:
         raise SceneError("Scene", "there is nothing to render a picture of", "Bake an object with a surface")
     temporary = files.begin(path)
-    with _copy_for_a_picture(scene, temporary, edge) as copy, ExitStack() as stack:
+    with without_render_result(), _copy_for_a_picture(scene, temporary, edge) as copy, ExitStack() as stack:
         if caption:
             _write_into(copy.render, caption)
         if copy.camera is None:
@@ -74,7 +75,6 @@ def is_whole(picture: Path) -> bool:
 @contextmanager
 def _copy_for_a_picture(scene: bpy.types.Scene, path: Path, longest: int) -> Iterator[bpy.types.Scene]:
     """A copy of the scene that shares its objects, to be rendered quickly to a PNG."""
-    before = {image.session_uid for image in bpy.data.images}
     copy = scene.copy()
     try:
         render, image = copy.render, copy.render.image_settings
@@ -95,6 +95,3 @@ def _copy_for_a_picture(scene: bpy.types.Scene, path: Path, longest: int) -> Ite
         yield copy
     finally:
         bpy.data.scenes.remove(copy)
-        for image in list(bpy.data.images):
-            if image.type == "RENDER_RESULT" and image.session_uid not in before:
-                bpy.data.images.remove(image)
