@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
 from .chunks import Fractions
+from .opacity import Opacity
 from .scene import MAX_REFLECTANCE, Scene
 from .shading import Layout, Quantity, Shader
 from .texels import Texels
@@ -39,6 +40,14 @@ class Appearance:
         """Leave out the glow of triangles `sampled` (F,) as lamps, so that nothing counts twice: changes this look."""
         self.emission[sampled[texels.triangle[:, 0]]] = 0
         return self
+
+    def stopped(self, opacity: Opacity) -> Appearance:
+        """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
+
+        The pictures of both need not match to the texel: no more is reflected than can be.
+        """
+        reflectance = opacity.of_stopped(self.reflectance, MAX_REFLECTANCE)
+        return replace(self, reflectance=reflectance, emission=opacity.of_stopped(self.emission))
 
 
 def appearance_of(

@@ -26,6 +26,7 @@ from .illumination import (
 )
 from .lightmap import compose
 from .lights import direct_irradiance, lamps_of
+from .opacity import opacity_of
 from .patches import Patches, group_patches
 from .radiosity import Solution
 from .scene import Scene
@@ -36,6 +37,7 @@ from .solvers import SOLVERS
 from .stages import Progress, Stage, StageLog
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
+from .transmittance import transmittance_of
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
@@ -85,7 +87,8 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     atlas = yield from log.stage("Unwrap", build_atlas(scene, settings))
     surfaces = flatten(scene)
     scene = scene.moved(-surfaces.origin)
-    visibility = log.visibility = Visibility(surfaces.corners)
+    transmittance = transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
+    visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
     solid = solid_triangles(scene, surfaces, visibility)
     texels = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
     look, warnings = yield from log.stage("Materials", appearance_of(scene, atlas, texels, shade))
@@ -95,7 +98,11 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
     look = look.without(texels, lamps.sampled)
     wanted = texels.pixel < atlas.page_count * atlas.size**2
-    patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, _patches_for(wanted, settings))
+    opacity = opacity_of(texels, transmittance)
+    if opacity is not None:
+        look = look.stopped(opacity)
+    aimed = _patches_for(wanted, settings)
+    patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, aimed, opacity)
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, sky))
     from_sky = sky_irradiance(transport, scene)
     exitance = first_exitance(patches, look, direct, from_sky, lamps, visibility, groups)

@@ -69,8 +69,7 @@ def lay_cells(meshes: list[Mesh], density: float, size: int) -> list[Cells]:
         )  # cells start at multiples of their size
         if used + texels > grid**2:
             page, used = page + 1, 0
-        start = used + np.cumsum(edge_of_cell**2) - edge_of_cell**2
-        corner = np.stack([_every_other_bit(start), _every_other_bit(start >> 1)], axis=1)[cell]
+        corner = along_z_order(edge_of_cell, used)[cell]
         width = edge_of_cell[cell][:, None]
         border = np.where(width >= 4, 1.0, width / 4)
         inner = (width - 2 * border)[:, :, None]
@@ -81,6 +80,17 @@ def lay_cells(meshes: list[Mesh], density: float, size: int) -> list[Cells]:
         result.append(Cells(page, uv.astype(np.float32), cell.astype(np.int32), reached))
         used += texels
     return result
+
+
+def along_z_order(edge: Int64, start: int = 0) -> Int64:
+    """Columns and rows (N, 2) of the lower left texels of square cells, one after the other along the curve.
+
+    Args:
+        edge: (N,) texels along each cell, powers of two that nowhere grow
+        start: texels of the curve before the first cell, a multiple of its area
+    """
+    begin = start + np.cumsum(edge**2) - edge**2
+    return np.stack([_every_other_bit(begin), _every_other_bit(begin >> 1)], axis=1)
 
 
 def _cell_edges(area: Float64, density: float, grid: int) -> tuple[Int64, Int64]:

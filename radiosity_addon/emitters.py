@@ -18,6 +18,9 @@ POLYGONS = 16
 LARGEST = 0.25
 """An emitter with more than this share of the scene's surface is left to the gather, whose rays can't miss it."""
 
+CLEAR = 0.5
+"""An emitter that lets more than this share of the light pass is a lamp whatever its size: few rays stop at it."""
+
 FLAT = 1e-5
 """Largest distance of a quad's fourth corner from the plane of the others, and from a parallelogram, as a share."""
 
@@ -36,8 +39,9 @@ def emissive_lamps(scene: Scene, surfaces: Surfaces) -> tuple[list[PanelLamp], B
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
     for emitter in np.unique(owner):
         triangles = glowing[owner == emitter]
-        if surfaces.area[triangles].sum() <= LARGEST * surfaces.area.sum():
-            material = scene.materials[surfaces.material[triangles[0]]]
+        material = scene.materials[surfaces.material[triangles[0]]]
+        missed = np.mean(material.transmittance) > CLEAR
+        if missed or surfaces.area[triangles].sum() <= LARGEST * surfaces.area.sum():
             lamps.append(_emitter(surfaces, triangles, polygon, material))
             sampled[triangles] = True
     return lamps, sampled

@@ -8,7 +8,7 @@ that is reciprocal and keeps energy, so both estimates of a pair are joined and 
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from .chunks import finish, in_chunks, scaled
 from .patches import NOTHING, SKY, Patches
 from .sampling import cosine_directions, even_uniform
 from .settings import BakeSettings
-from .sky import Sky
-from .visibility import Visibility
+from .sky import Sky, cells
+from .visibility import Visibility, passing_chance
 
 TRACED_RAYS = 16384
 """Rays of patches of mean size that are traced at once: their arrays, 2 MB, stay in cache."""
@@ -69,6 +69,7 @@ class Transport:
         sky: (N,) float64, share of a patch's view that is sky: as `escaped`, but 0 where a patch is buried
         rays: (N,) int64, rays that a row was estimated from
         workers: threads
+        sky_tint: (N, 3) float64, what the sky's light on a patch is multiplied with, on average, for passing surfaces
         sky_radiance: (N, 3) float64, W/(m2 sr), mean of the sky's cells over the rays of a patch that left
     """
 
@@ -80,6 +81,7 @@ class Transport:
     sky: Float64
     rays: Int64
     workers: int = 1
+    sky_tint: Float64 = field(default_factory=lambda: np.ones((1, 3)))
     sky_radiance: Float64 | float = 0.0
 
     @property
@@ -128,6 +130,7 @@ def trace_transport(
     rays = ray_counts(patches.area, settings.steps.patch_rays)
     begin = np.concatenate([[0], np.cumsum(rays)])
     target = np.empty(begin[-1], np.int32)
+    sky_tint = np.ones((len(rays), 3))
     sky_radiance = np.zeros((patches.count, 3))
 
     def trace(start: int, stop: int) -> None:
@@ -135,15 +138,29 @@ def trace_transport(
         sample = np.arange(begin[start], begin[stop]) - begin[ids]
         origins, normals = patches.origins(ids, sample)
         directions = cosine_directions(normals, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
-        met = patches.at(visibility.first_hit(origins, directions))
+        hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample))
+        met = patches.at(hits)
         target[begin[start] : begin[stop]] = met
+        if hits.tint is not None:
+            sky_tint[start:stop] = mean_of(hits.tint[met == SKY], ids[met == SKY] - start, stop - start)
         if sky is not None:
-            sky_radiance[start:stop] = sky.mean_seen(directions[met == SKY], ids[met == SKY] - start, stop - start)
+            gone = np.flatnonzero(met == SKY)
+            seen = sky.radiance[cells(directions[gone])]
+            if hits.tint is not None:
+                seen *= hits.tint[gone]
+            sky_radiance[start:stop] = mean_of(seen, ids[gone] - start, stop - start)
 
     chunk = max(1, TRACED_RAYS // settings.steps.patch_rays)
     yield from scaled(in_chunks(trace, len(rays), chunk, settings.workers), 0.0, 0.8)
     transport = yield from join_hits(patches.area, rays, target, settings.workers)
-    return replace(transport, sky_radiance=sky_radiance)
+    return replace(transport, sky_tint=sky_tint, sky_radiance=sky_radiance)
+
+
+def mean_of(values: Float32, owner: Int32, count: int) -> Float64:
+    """Mean (count, 3) of the values (R, 3) of each owner (R,); 0 for those without any."""
+    number = np.maximum(np.bincount(owner, minlength=count), 1)
+    sums = [np.bincount(owner, weights=channel, minlength=count) for channel in values.T]
+    return np.stack(sums, axis=1) / number[:, None]
 
 
 def ray_counts(area: Float64, mean: int) -> Int64:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Bools, Float32, Int32, Int64
+from .arrays import Bools, Float16, Float32, Int32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .gather_points import GatherPoints, cell_keys
 from .guiding import direction_bins, directions_in, draw_bins, pool
@@ -18,7 +18,7 @@ from .sampling import cosine_directions, even_uniform
 from .settings import BakeSettings
 from .sky import cells
 from .texels import STRATA, Texels
-from .visibility import Visibility
+from .visibility import Hits, Visibility, passing_chance
 
 BELOW = -3
 """A direction below the horizon: it counts, and brings nothing."""
@@ -65,12 +65,14 @@ class Tally:
         weights: (P, R) float32: irradiance is the weighted sum of the elements' radiances; a row sums to pi on average
         counts: of rays in a row
         fine: (P,) bool, points that sent only part of them
+        tints: (P, R, 3) float16, what colours the light on the way of a ray; None: nothing
     """
 
     elements: Int32
     weights: Float32
     counts: RayCounts
     fine: Bools
+    tints: Float16 | None = None
 
     def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
         """Irradiance (P, C), W/m2, under radiances `table` (elements, C).
@@ -90,6 +92,9 @@ class Tally:
                 met = element != NOTHING
                 weight = self.weights[chosen, columns] * met
                 radiance = table[element]
+                if self.tints is not None:
+                    colors = radiance.reshape(*element.shape, -1, 3)
+                    colors *= self.tints[chosen, columns][:, :, None]
                 # which rays are dim is decided by all channels and light groups at once, so that groups add up
                 bright = radiance[:, :pilots].sum(2)
                 count = np.maximum(met[:, :pilots].sum(1), 1)[:, None]
@@ -119,6 +124,8 @@ class GatherRays:
         self._elements: list[Int32] = []
         self._bins: list[NDArray[np.uint16]] = []
         self._fine: list[Bools] = []
+        self._tints: list[Float16] = []
+        self._tinted = visibility.channels > 1
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
         """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
@@ -127,6 +134,7 @@ class GatherRays:
         """
         elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
         bins = np.zeros(elements.shape, np.uint16)
+        tints = np.ones((*elements.shape, 3) if self._tinted else 0, np.float16)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
 
         def trace(first: int, last: int, pilots: int) -> Fractions[list[None]]:
@@ -136,8 +144,10 @@ class GatherRays:
                 texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
                 u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
                 directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
-                element, distance = self._trace(texel, rows, column, directions)
-                inverse = 1 / np.maximum(distance, np.float32(1e-9)).reshape(-1, pilots)
+                element, hits = self._trace(texel, rows, column, directions)
+                if hits.tint is not None:
+                    tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
+                inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
                 harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
@@ -152,6 +162,7 @@ class GatherRays:
         self._elements.append(elements)
         self._bins.append(bins)
         self._fine.append(fine)
+        self._tints.append(tints)
         return harmonic, nearest, light
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
@@ -166,11 +177,12 @@ class GatherRays:
         yield from in_chunks(work, len(chosen), RAYS, self._workers)
         return distance
 
-    def _trace(self, texel: Int64, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Float32]:
-        """Element and distance (R,) of rays from texels (Q,), ray r from texel[rows[r]], spread over its strata."""
+    def _trace(self, texel: Int64, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Hits]:
+        """Elements (R,) and hits of rays from texels (Q,), ray r from texel[rows[r]], spread over its strata."""
         texels = self._texels
         strata = texels.origins(np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel)))
-        hits = self._visibility.first_hit(strata[rows * STRATA + (sample & (STRATA - 1))], directions)
+        chance = passing_chance(self._visibility, texel[rows], sample)
+        hits = self._visibility.first_hit(strata[rows * STRATA + (sample & (STRATA - 1))], directions, chance)
         element = self._patches.elements(hits)
         if self._cells:
             left = np.flatnonzero(element == SKY)
@@ -181,7 +193,7 @@ class GatherRays:
             ray = np.flatnonzero(tilted[rows])
             ray = ray[np.einsum("ij,ij->i", directions[ray], geometric[rows[ray]]) <= 0]
             element[ray] = BELOW
-        return element, hits.distance
+        return element, hits
 
     def tally(self, points: GatherPoints, base: float) -> Fractions[Tally]:
         """Trace the guided rays of all points looked at, and weigh all rays."""
@@ -190,7 +202,11 @@ class GatherRays:
         elements[:, :pilots] = np.concatenate(self._elements or [elements[:0, :pilots]])
         bins = np.concatenate(self._bins or [np.zeros((0, pilots), np.uint16)])
         fine = np.concatenate(self._fine or [np.zeros(0, bool)])
-        self._elements, self._bins, self._fine = [], [], []
+        tints = None
+        if self._tinted:
+            tints = np.ones((*elements.shape, 3), np.float16)
+            tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
+        self._elements, self._bins, self._fine, self._tints = [], [], [], []
         weights = np.zeros(elements.shape, np.float32)
         keys = cell_keys(self._texels, points.texel, base * POOL_WIDTH)
         order = np.argsort(keys, kind="stable")
@@ -219,21 +235,24 @@ class GatherRays:
                 seen = density[fold[here, None], bins[points_here, :few]]
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
-                element, cosine = self._guide(points.texel[points_here], drawn, density.any(1)[fold[here]])
+                lit = density.any(1)[fold[here]]
+                element, cosine, tint = self._guide(points.texel[points_here], drawn, lit)
                 elements[points_here, pilots : pilots + rest] = element
+                if tints is not None and tint is not None:
+                    tints[points_here, pilots : pilots + rest] = tint
                 seen = density[fold[here, None], drawn]
                 weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
 
         yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
-        return Tally(elements, weights, self._counts, fine)
+        return Tally(elements, weights, self._counts, fine, tints)
 
     def _pilot_cosines(self, texel: Int64, pilots: int) -> Float32:
         """Cosines (Q, pilots) of pilot rays with their shading normals."""
         u = even_uniform(np.repeat(texel, pilots), np.tile(np.arange(pilots), len(texel)), 0)
         return np.asarray(np.sqrt(1 - u).reshape(-1, pilots), np.float32)
 
-    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32]:
-        """Elements and cosines, both (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
+    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None]:
+        """Elements, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
 
         Args:
             lit: (Q,) bool, texels whose bins were drawn from light; no others send rays
@@ -248,8 +267,13 @@ class GatherRays:
         np.maximum(cosine, 0, out=cosine)
         sent = np.flatnonzero(cosine)
         element = np.full(len(rows), BELOW, np.int32)
-        element[sent] = self._trace(texel, rows[sent], sample[sent], directions[sent])[0]
-        return element.reshape(drawn.shape), cosine.reshape(drawn.shape)
+        element[sent], hits = self._trace(texel, rows[sent], sample[sent], directions[sent])
+        tint = None
+        if hits.tint is not None:
+            tint = np.ones((len(rows), 3), np.float32)
+            tint[sent] = hits.tint
+            tint = tint.reshape(*drawn.shape, 3)
+        return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint
 
 
 def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:

@@ -41,9 +41,9 @@ def cell_radiance(sky: Sky | None, scene: Scene) -> Float32:
 
 def sky_irradiance(transport: Transport, scene: Scene) -> Float64:
     """What patches get from the world (N, G, 3), W/m2: how much of their view is sky times what they see of it."""
-    seen = np.tile(world_radiance(scene).astype(np.float64), (transport.count, 1, 1))
-    seen[:, scene.world.group] += transport.sky_radiance
-    return transport.sky[:, None, None] * np.pi * seen
+    light: Float64 = transport.sky[:, None, None] * np.pi * world_radiance(scene) * transport.sky_tint[:, None]
+    light[:, scene.world.group] += transport.sky[:, None] * np.pi * transport.sky_radiance
+    return light
 
 
 @dataclass(frozen=True, eq=False)

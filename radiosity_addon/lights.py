@@ -17,13 +17,24 @@ from .area_lamps import area_lamp
 from .arrays import Bools, Float32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .emitters import emissive_lamps
-from .lamp_samples import lattice, lattice_generators, rows_of, shifted
+from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .penumbra import smooth_penumbrae
 from .sampling import hash_uniform
 from .scene import AreaLight, Light, Scene, SunLight
 from .settings import BakeSettings
-from .shadows import TRACE_CHUNK, Bytes, Receivers, Tally, pooled, sample_groups, shoot, trace_partly
+from .shadows import (
+    TRACE_CHUNK,
+    Bytes,
+    Receivers,
+    Shades,
+    Tally,
+    pooled,
+    sample_groups,
+    shade_codes,
+    shoot,
+    trace_partly,
+)
 from .surfaces import Surfaces
 from .texels import STRATA, Texels
 from .visibility import Visibility
@@ -31,8 +42,8 @@ from .visibility import Visibility
 BATCH = 8
 """Lamps treated together, at most: they share ray origins."""
 
-BATCH_TEXELS = 1 << 24
-"""Lamps of a batch times texels, at most: each pair takes 6 bytes while the batch is worked on."""
+BATCH_BYTES = 6 << 24
+"""What the pairs of a batch's lamps and texels take while it is worked on, at most."""
 
 POOL = 2
 """Probes are pooled over this many texels to every side."""
@@ -97,17 +108,18 @@ def irradiance_at(
         for lamp in lamps.lamps:
             light = lamp.light(points[part], normals[part], None)
             lit = np.flatnonzero(light > 0)
+            share: Float32 = np.ones((visibility.channels, len(light)), np.float32)
             if lamp.shadow and len(lit):
                 rays = samples if lamp.extended else 1
                 side = STRATA if rays % STRATA == 0 else 1
                 origins = [np.tile(rows_of(points[part][lit]), (1, side))]
-                tally = Tally.none(len(lit))
+                tally = Tally.none(len(lit), visibility.channels)
                 chosen = shifts[0][lit], shifts[1][lit]
                 facing = [rows_of(normals[part][lit])]
                 slopes = lattice_generators(seed_ids[part][lit], rays)
                 tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
-                light[lit] *= tally.share()
-            _add(total[part], lamp, light)
+                share[:, lit] = tally.share()
+            _add(total[part], lamp, light, share)
     return total
 
 
@@ -120,7 +132,7 @@ def direct_irradiance(
         (T, G, 3) float32, W/m2; zero where a texel is not valid
     """
     total = np.zeros((texels.count, group_count, 3), np.float32)
-    size = max(1, min(BATCH, BATCH_TEXELS // max(texels.count, 1)))
+    size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
     batches = [lamps.lamps[start : start + size] for start in range(0, len(lamps.lamps), size)]
     for done, batch in enumerate(batches):
         steps = _add_batch(batch, texels, visibility, settings, total)
@@ -128,25 +140,26 @@ def direct_irradiance(
     return total
 
 
-def _add(total: Float32, lamp: Lamp, light: Float32) -> None:
-    """Add a lamp's light (B,) to irradiance (B, G, 3)."""
+def _add(total: Float32, lamp: Lamp, light: Float32, share: Float32) -> None:
+    """Add the share (C, B) of a lamp's light (B,) that arrives to irradiance (B, G, 3)."""
+    arrived = light * share
     for channel, strength in enumerate(lamp.strength):
         if strength:
-            total[:, lamp.group, channel] += light * np.float32(strength)
+            total[:, lamp.group, channel] += arrived[channel % len(share)] * np.float32(strength)
 
 
 def _add_batch(
     batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
 ) -> Generator[float, None, None]:
     """Add the light of a batch to `total` (T, G, 3); yields the share done."""
-    probes = _Probes.none(len(batch), texels.count)
+    probes = _Probes.none(len(batch), texels.count, visibility)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
     for index, lamp in enumerate(batch):
-        light = probes.light[index]
         low, high = 0.5 + index / len(batch) / 2, 0.5 + (index + 1) / len(batch) / 2
+        share: Float32 = np.ones((1, 1), np.float32)
         if lamp.shadow:
-            light *= yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
-        _add(total, lamp, light)
+            share = yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
+        _add(total, lamp, probes.light[index], share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,17 +168,37 @@ class _Probes:
 
     Attributes:
         light: (L, T) float32, unshadowed
-        seen, shot: (L, T) uint8, probes that reached the lamp, and all probes
+        low, high: (L, T) uint8, the probes' `Shades`
+        share: (L, C, T) float32 part of the light of the probes that arrived; None where light arrives or does not
     """
 
     light: Float32
-    seen: Bytes
-    shot: Bytes
+    low: Bytes
+    high: Bytes
+    share: Float32 | None
 
     @classmethod
-    def none(cls, lamps: int, texels: int) -> _Probes:
+    def none(cls, lamps: int, texels: int, visibility: Visibility) -> _Probes:
         shape = (lamps, texels)
-        return cls(np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
+        light = np.zeros(shape, np.float32)
+        low, high = np.full(shape, 255, np.uint8), np.zeros(shape, np.uint8)
+        return cls(
+            light, low, high, np.zeros((lamps, visibility.channels, texels), np.float32) if visibility.dims else None
+        )
+
+    @staticmethod
+    def bytes_each(visibility: Visibility) -> int:
+        """What a pair of a lamp and a texel takes."""
+        return 6 + (4 * visibility.channels if visibility.dims else 0)
+
+    def put(self, lamp: int, ids: Int64, light: Float32, share: Float32) -> None:
+        """Keep what probes (count, B) of texels (B,) found: their light, and the share (C, count, B) that arrived."""
+        codes = shade_codes(share.reshape(len(share), -1)).reshape(light.shape)
+        shot = light > 0
+        self.low[lamp, ids] = np.where(shot, codes, 255).min(0)
+        self.high[lamp, ids] = np.where(shot, codes, 0).max(0)
+        if self.share is not None:
+            self.share[lamp][:, ids] = (light * share).sum(1) / np.maximum(light.sum(0), TINY)
 
 
 def _probe(
@@ -192,8 +225,8 @@ def _probe(
             u, v = (shifted(pattern[:, k, None], some.shifts[k]).reshape(-1) for k in (0, 1))
             p = origins[:, :, lit].reshape(3, -1)
             normals = [np.tile(rows, (1, count)) for rows in some.normals]
-            for store, found in zip((probes.shot, probes.seen), shoot(lamp, p, normals, u, v, visibility), strict=True):
-                store[index, some.ids] = np.count_nonzero(found.reshape(count, -1), axis=0)
+            found, share = shoot(lamp, p, normals, u, v, visibility)
+            probes.put(index, some.ids, found.reshape(count, -1), share.reshape(len(share), count, -1))
 
     return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
 
@@ -201,16 +234,25 @@ def _probe(
 def _shadow(
     lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
 ) -> Fractions[Float32]:
-    """The share (T,) of a lamp's light that arrives; yields the share done."""
+    """The share (C, T) of a lamp's light that arrives; yields the share done."""
     workers = settings.workers
-    near = yield from scaled(pooled(probes.seen[index], probes.shot[index], texels, POOL, workers), 0, 0.1)
-    ratio: Float32 = ((near.seen > 0) | (near.shot == 0)).astype(np.float32)
+    own = Shades(probes.low[index], probes.high[index])
+    near = yield from scaled(pooled(own, texels, POOL, workers), 0, 0.1)
+    ratio = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], visibility.channels, axis=0)
     lit = probes.light[index] > 0
-    partly = np.flatnonzero(near.disagree() & lit)
+    asked = near.disagree()
+    if probes.share is not None:
+        dimmed = ~asked & (near.low > 0) & (near.high > 0) & (near.high < 255)
+        asked |= dimmed & (own.low > own.high)  # its neighbours are dimmed, it has no probe of its own
+        ratio[:, dimmed] = probes.share[index][:, dimmed]
+    partly = np.flatnonzero(asked & lit)
     noise = np.zeros_like(ratio)
     rays = settings.steps.shadow_rays
     tracing = trace_partly(lamp, texels, partly, lit, ratio, noise, visibility, rays, workers)
     penumbra = yield from scaled(tracing, 0.1, 0.8)
     if lamp.extended:
-        yield from scaled(smooth_penumbrae(texels, penumbra, ratio, noise, lit, workers), 0.8, 1)
+        for channel, (shares, variances) in enumerate(zip(ratio, noise, strict=True)):
+            steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)
+            low, high = (0.8 + 0.2 * each / len(ratio) for each in (channel, channel + 1))
+            yield from scaled(steps, low, high)
     return ratio

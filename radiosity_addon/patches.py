@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .coverage import ragged
+from .opacity import Opacity
 from .sampling import even_uniform
 from .surfaces import BLOCK
 from .texels import BITS, STRATA, Texels
@@ -44,13 +45,14 @@ class Patches:
     """N patches, front sides first.
 
     Attributes:
-        area: (N,) float64, m2
-        reflectance: (N, 3) float32, area-weighted mean
+        area: (N,) float64, m2, that stops light: of a half clear patch half of what it covers
+        reflectance: (N, 3) float32, mean over this area
         emission: (N, 3) float32, W/m2, exitance that is not sampled as a lamp
         of_element: (T + N,) int32, patch of each element; NOTHING for invalid texels
         back: (T,) int32, patch behind each texel, NOTHING for solids
         texels: the texels
         sides: (N,) float32, 1 for fronts, -1 for backs
+        stopping: (T,) float32, m2, area of texels that stops light
     """
 
     area: Float64
@@ -60,6 +62,7 @@ class Patches:
     back: Int32
     sides: Float32
     texels: Texels
+    stopping: Float32
     _start: Int32
     _number: Int32
     _strata: Int32
@@ -106,23 +109,32 @@ class Patches:
     def mean(self, values: Float32) -> Float64:
         """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
         front = self.of_element[: self.texels.count]
-        taking = np.flatnonzero((front >= 0) & (self.texels.area > 0)).astype(np.int32)
+        taking = np.flatnonzero((front >= 0) & (self.stopping > 0)).astype(np.int32)
         flat = values.reshape(len(values), -1)
-        owner, area = front[taking], self.texels.area
+        owner, area = front[taking], self.stopping
         means = _sums(owner, taking, area, flat, self.count)
         means /= np.maximum(_sums(owner, taking, area, None, self.count), 1e-30)
         return means.reshape(self.count, *values.shape[1:])
 
 
-def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid: Bools, target: int) -> Patches:
-    """Group texels into about `target` patches.
+def group_patches(
+    texels: Texels,
+    reflectance: Float32,
+    emission: Float32,
+    solid: Bools,
+    target: int,
+    opacity: Opacity | None = None,
+) -> Patches:
+    """Group texels into about `target` patches; those that stop no light are in none.
 
     Args:
-        reflectance: (T, 3) float32
-        emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp
+        reflectance: (T, 3) float32, of light that is stopped
+        emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp, over the area that stops light
         solid: (F,) bool, triangles without a back side
+        opacity: what texels stop; None: everything
     """
-    taking = np.flatnonzero(texels.valid & (texels.area > 0)).astype(np.int32)
+    stopping = texels.area if opacity is None else texels.area * opacity.share
+    taking = np.flatnonzero(texels.valid & (stopping > 0)).astype(np.int32)
     extent = float(texels.area[taking].sum(dtype=np.float64))
     width = float(np.sqrt(extent / max(target, 1))) or 1.0
     hollow = ~solid[texels.triangle[:, 0][taking]]
@@ -132,10 +144,10 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
 
     members = np.concatenate([front, behind + np.int32(fronts)])
     owners = np.concatenate([taking, taking[hollow]])
-    area = _sums(members, owners, texels.area, None, count)[:, 0]
+    area = _sums(members, owners, stopping, None, count)[:, 0]
 
     def means(values: Float32) -> Float32:
-        total = _sums(members, owners, texels.area, values, count)
+        total = _sums(members, owners, stopping, values, count)
         return (total / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
 
     of_element = np.full(texels.count + count, NOTHING, np.int32)
@@ -144,7 +156,7 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
     _join_lonely(of_element, texels)
     back = np.full(texels.count, NOTHING, np.int32)
     back[taking[hollow]] = members[len(taking) :]
-    number, strata = _strata_lists(texels, members, owners, count)
+    number, strata = _strata_lists(_sending(texels, opacity), members, owners, count)
     return Patches(
         area=area,
         reflectance=means(reflectance),
@@ -153,6 +165,7 @@ def group_patches(texels: Texels, reflectance: Float32, emission: Float32, solid
         back=back,
         sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
         texels=texels,
+        stopping=stopping,
         _start=(np.cumsum(number) - number).astype(np.int32),
         _number=number,
         _strata=strata,
@@ -239,12 +252,16 @@ def _join_lonely(of_element: Int32, texels: Texels) -> None:
         of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
 
 
-def _strata_lists(texels: Texels, members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
-    """Covered strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,)."""
+def _strata_lists(sending: NDArray[np.uint8], members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
+    """Strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,).
+
+    Args:
+        sending: (T,) uint8, strata that send light, as bits
+    """
     number = np.zeros(count)
     for start in range(0, len(members), SUMMED):
         part = slice(start, start + SUMMED)
-        number += np.bincount(members[part], weights=BITS[_kept(texels, owners[part])], minlength=count)
+        number += np.bincount(members[part], weights=BITS[sending[owners[part]]], minlength=count)
     begin, length = _runs(members)
     order = np.argsort(members[begin], kind="stable")
     begin, length = begin[order], length[order]
@@ -254,15 +271,17 @@ def _strata_lists(texels: Texels, members: Int32, owners: Int32, count: int) -> 
     done = 0
     for first, last in pairwise([*cuts, len(begin)]):
         own = owners[ragged(begin[first:last], length[first:last])]
-        chosen = ((_kept(texels, own)[:, None] >> slots) & 1) > 0
+        chosen = ((sending[own][:, None] >> slots) & 1) > 0
         found = (own[:, None] * np.int32(STRATA) + slots)[chosen]
         strata[done : done + len(found)] = found
         done += len(found)
     return number.astype(np.int32), strata
 
 
-def _kept(texels: Texels, chosen: Int32) -> NDArray[np.uint8]:
-    """Covered strata, as bits, of texels (C,); those beside charts stand in one place."""
-    kept = texels.covered[chosen]
-    kept[kept == 0] = 1
-    return kept
+def _sending(texels: Texels, opacity: Opacity | None) -> NDArray[np.uint8]:
+    """Strata that send light, as bits (T,); texels beside charts stand in one place."""
+    covered = np.maximum(texels.covered, 1)
+    if opacity is None:
+        return covered
+    some = covered & opacity.strata
+    return np.where(some, some, covered)

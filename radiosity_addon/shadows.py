@@ -28,6 +28,9 @@ BAND = 512
 EDGE_RAYS = 64
 """Shadow rays of a texel where a lamp without size casts an edge: they only find the lit share of the footprint."""
 
+EVEN = 1e-6
+"""Variance of a share below which all samples of it were dimmed alike, as by one pane."""
+
 FIRST = 3
 """One of so many samples comes first; where neighbours agree on them, the others are not needed."""
 
@@ -81,16 +84,32 @@ class Receivers:
 def shoot(
     lamp: Lamp, p: Float32, normals: list[Float32], u: Float32, v: Float32, visibility: Visibility
 ) -> tuple[Float32, Float32]:
-    """Light of the lamp's samples (u, v) at points p (3, B): all of it and the part that arrives, (B,) each."""
-    way, weight = lamp.aim(p, u, v)
-    weight *= cosine_above(way, normals)
-    arrived = weight.copy()
-    live = np.flatnonzero(weight > 0)
-    if len(live) == len(weight):
-        arrived[visibility.occluded(_rays(p), _rays(way))] = 0
-    elif len(live):
-        arrived[live[visibility.occluded(_rays(p, live), _rays(way, live))]] = 0
-    return weight, arrived
+    """Light (B,) of the lamp's samples (u, v) at points p (3, B), and the share (C, B) of it that arrives.
+
+    C channels, as what dims it has. Where there is no light, nothing of it arrives.
+    """
+    way, light = lamp.aim(p, u, v)
+    light *= cosine_above(way, normals)
+    live = np.flatnonzero(light > 0)
+    if len(live) == len(light):
+        return light, visibility.transmitted(_rays(p), _rays(way))
+    share = np.zeros((visibility.channels, len(light)), np.float32)
+    if len(live):
+        share[:, live] = visibility.transmitted(_rays(p, live), _rays(way, live))
+    return light, share
+
+
+def shade_codes(share: Float32) -> Bytes:
+    """A number (R,) for each share (C, R) of light: 0 for none, 255 for all, alike for like shares between.
+
+    Few colours look alike to the weights of its channels.
+    """
+    mixed = share[0]
+    if len(share) > 1:
+        mixed = share[0] * np.float32(0.51) + share[1] * np.float32(0.28) + share[2] * np.float32(0.21)
+    codes: Bytes = np.ceil(mixed * np.float32(254)).astype(np.uint8)
+    codes[share.min(0) >= 1] = 255
+    return codes
 
 
 def _rays(rows: Float32, chosen: Int64 | None = None) -> Float32:
@@ -103,20 +122,25 @@ def _rays(rows: Float32, chosen: Int64 | None = None) -> Float32:
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """What the samples of B points brought.
+    """What the samples of B points brought, in C channels.
 
     Attributes:
-        total, arrived: (B,) float32, light of the samples, unshadowed and shadowed
+        total: (B,) float32, light of the samples, unshadowed
+        arrived: (C, B) float32, the part of it that arrives
         squares: (B,) float32, squares of the unshadowed light
+        partly: (C, B) float32, those squares times q (1 - q), where a sample arrives in part, to the share q
     """
 
     total: Float32
     arrived: Float32
     squares: Float32
+    partly: Float32
 
     @classmethod
-    def none(cls, points: int) -> Tally:
-        return cls(*np.zeros((3, points), np.float32))
+    def none(cls, points: int, channels: int) -> Tally:
+        total, squares = np.zeros((2, points), np.float32)
+        arrived, partly = np.zeros((2, channels, points), np.float32)
+        return cls(total, arrived, squares, partly)
 
     def add(
         self,
@@ -144,13 +168,16 @@ class Tally:
             u = shifted(group, shifts[0]).reshape(-1)
             v = group * generators + shifts[1]
             v -= np.floor(v)
-            light, arrived = shoot(lamp, origins[number % len(origins)], tiled, u, v.reshape(-1), visibility)
-            pairs = (self.total, light), (self.arrived, arrived), (self.squares, light * light)
+            light, share = shoot(lamp, origins[number % len(origins)], tiled, u, v.reshape(-1), visibility)
+            square = light * light
+            pairs = [(self.total, light), (self.arrived, light * share), (self.squares, square)]
+            if visibility.dims:
+                pairs.append((self.partly, square * (share * (1 - share))))
             for sums, found in pairs:
-                sums += found.reshape(side, points).sum(0)
+                sums += found.reshape(*sums.shape[:-1], side, points).sum(-2)
 
     def share(self) -> Float32:
-        """The part that arrives, (B,) float32 in 0..1; 1 where no sample has any light.
+        """The part that arrives, (C, B) float32 in 0..1; 1 where no sample has any light.
 
         A ratio of two sums over the same samples: the shape of the integrand drops out, and what stays is the shadow.
         """
@@ -159,11 +186,31 @@ class Tally:
         return share
 
     def variance(self) -> Float32:
-        """Variance (B,) of `share`, were its samples independent: it is binomial, and uneven samples count as fewer."""
+        """Variance (C, B) of `share`, were its samples independent; uneven samples count as fewer.
+
+        It is binomial where samples arrive or don't; those that arrive in part vary the less.
+        """
         share = self.share()
         variance: Float32 = share * (1 - share) * self.squares
+        variance -= self.partly
+        np.maximum(variance, 0, out=variance)
         variance /= np.where(self.total > 0, self.total, 1) ** 2
         return variance
+
+    def only(self, chosen: Int64) -> Tally:
+        """A copy of those at positions `chosen`."""
+        return Tally(*(sums[..., chosen] for sums in vars(self).values()))
+
+    def spread(self, first: Tally) -> Float32:
+        """Variance (C, B) of `share` by how far the `first` of its samples differ from the later ones.
+
+        Even samples do not help where the light comes through the holes of a cut-out, and only this shows it.
+        """
+        later = np.where(self.total > first.total, self.total - first.total, 1)
+        gap = first.share() - (self.arrived - first.arrived) / later
+        # of one sample's variance s the two means have s / a and s / b, their difference both, that of all s / (a + b)
+        spread: Float32 = gap * gap * (first.total * later / np.where(self.total > 0, self.total, 1) ** 2)
+        return spread
 
 
 def sample_groups(count: int, side: int) -> Float32:
@@ -207,7 +254,7 @@ def trace_partly(
     Args:
         partly: (N,) int64
         lit: (T,) bool, texels that the unshadowed lamp shines on
-        ratio, noise: (T,) float32, written at `partly`
+        ratio, noise: (C, T) float32, written at `partly`
     Returns:
         the texels of a penumbra, those that have traced all rays
     """
@@ -215,7 +262,7 @@ def trace_partly(
     groups = sample_groups(rays, STRATA)
     early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
     slopes = lattice_generators(texels.pixel[partly], rays)
-    tally = Tally.none(len(partly))
+    tally = Tally.none(len(partly), len(ratio))
 
     def trace(chosen: Int64, first: int, last: int) -> Fractions[list[None]]:
         def work(start: int, stop: int) -> None:
@@ -223,53 +270,56 @@ def trace_partly(
             receivers = Receivers.of(texels, partly[part])
             places = range(first, last) if not lamp.extended else range(1)
             origins = [receivers.origins(texels, STRATA * k, STRATA) for k in places]
-            own = Tally.none(len(part))
+            own = Tally.none(len(part), len(ratio))
             own.add(lamp, origins, receivers.normals, receivers.shifts, slopes[part], groups[first:last], visibility)
-            tally.total[part] += own.total
-            tally.arrived[part] += own.arrived
-            tally.squares[part] += own.squares
+            for sums, more in zip(vars(tally).values(), vars(own).values(), strict=True):
+                sums[..., part] += more
 
         return in_chunks(work, len(chosen), TRACE_CHUNK, workers)
 
     chosen = np.arange(len(partly))
     yield from scaled(trace(chosen, 0, early), 0, early / len(groups))
-    ratio[partly] = tally.share()
+    ratio[:, partly] = tally.share()
+    noise[:, partly] = tally.variance() * np.float32(lamp.unevenness)
     if early < len(groups):
-        seen = ((ratio > 0).view(np.uint8) + (ratio == 1).view(np.uint8)) * lit.view(np.uint8)
-        sums = yield from scaled(pooled(seen, 2 * lit.view(np.uint8), texels, 1, workers), 0.3, 0.3)
-        chosen = np.flatnonzero(sums.disagree()[partly])
+        mixed = np.zeros(texels.count, bool)
+        mixed[partly] = (tally.variance() > (EVEN if visibility.dims else 0)).any(0)
+        code = shade_codes(ratio)
+        low, high = np.where(mixed, 0, code), np.where(mixed, 255, code)
+        low[~lit], high[~lit] = 255, 0
+        near = yield from scaled(pooled(Shades(low, high), texels, 1, workers), 0.3, 0.3)
+        chosen = np.flatnonzero(near.disagree()[partly])
+        first = tally.only(chosen)
         yield from scaled(trace(chosen, early, len(groups)), early / len(groups), 1)
-        ratio[partly] = tally.share()
-    noise[partly] = tally.variance() * np.float32(lamp.unevenness)
+        ratio[:, partly] = tally.share()
+        noise[:, partly] = tally.variance() * np.float32(lamp.unevenness)
+        if visibility.dims:
+            noise[:, partly[chosen]] = np.maximum(noise[:, partly[chosen]], tally.only(chosen).spread(first))
     return partly[chosen]
 
 
 @dataclass(frozen=True, eq=False)
-class Pooled:
-    """Sums over the squares of pixels about each texel.
+class Shades:
+    """What samples of T texels, or of the squares of pixels about them, saw of a lamp.
 
     Attributes:
-        seen, shot: (T,) uint8, samples that reached a lamp, and all samples
+        low, high: (T,) uint8, least and greatest of the samples' `shade_codes`; 255 and 0 where there are none
     """
 
-    seen: Bytes
-    shot: Bytes
+    low: Bytes
+    high: Bytes
 
     def disagree(self) -> Bools:
-        """(T,) bool, where some samples reached the lamp and some did not."""
-        mixed: Bools = (self.seen < self.shot) & (self.seen > 0)
+        """(T,) bool, where some samples saw more of the lamp than others."""
+        mixed: Bools = self.low < self.high
         return mixed
 
 
-def pooled(seen: Bytes, shot: Bytes, texels: Texels, reach: int, workers: int) -> Fractions[Pooled]:
-    """Sum samples over squares of `2 reach + 1` pixels of a page.
-
-    Args:
-        seen, shot: (T,) uint8, samples that reached the lamp, and all samples
-    """
+def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
+    """The shades in squares of `2 reach + 1` pixels of a page."""
     size = texels.size
     bands = -(-size // BAND)
-    sums = Pooled(np.empty_like(seen), np.empty_like(shot))
+    near = Shades(np.empty_like(shades.low), np.empty_like(shades.high))
 
     def work(start: int, stop: int) -> None:
         page, band = divmod(start, bands)
@@ -279,22 +329,25 @@ def pooled(seen: Bytes, shot: Bytes, texels: Texels, reach: int, workers: int) -
         ends = np.searchsorted(texels.pixel, [base + row * size for row in (low, first, last, high)])
         place = texels.pixel[ends[0] : ends[3]] - (base + low * size)
         own = slice(ends[1] - ends[0], ends[2] - ends[0])
-        for counts, total in ((seen, sums.seen), (shot, sums.shot)):
-            image = np.zeros((high - low) * size, np.uint8)
-            image[place] = counts[ends[0] : ends[3]]
-            total[ends[1] : ends[2]] = _box_sum(image.reshape(-1, size), reach).reshape(-1)[place[own]]
+        for extreme, none, codes, found in (
+            (np.minimum, 255, shades.low, near.low),
+            (np.maximum, 0, shades.high, near.high),
+        ):
+            image = np.full((high - low) * size, none, np.uint8)
+            image[place] = codes[ends[0] : ends[3]]
+            found[ends[1] : ends[2]] = _over_squares(extreme, image.reshape(-1, size), reach).reshape(-1)[place[own]]
 
     yield from in_chunks(work, texels.page_count * bands, 1, workers)
-    return sums
+    return near
 
 
-def _box_sum(image: Bytes, reach: int) -> Bytes:
-    """Sums over squares of 2 reach + 1 pixels; uint8 holds 25 times 10 probes."""
+def _over_squares(extreme: np.ufunc, image: Bytes, reach: int) -> Bytes:
+    """Least or greatest values in squares of 2 reach + 1 pixels."""
     for axis in (0, 1):
-        total = image.copy()
-        ahead, behind = np.moveaxis(total, axis, 0), np.moveaxis(image, axis, 0)
+        found = image.copy()
+        ahead, behind = np.moveaxis(found, axis, 0), np.moveaxis(image, axis, 0)
         for step in range(1, reach + 1):
-            ahead[step:] += behind[:-step]
-            ahead[:-step] += behind[step:]
-        image = total
+            extreme(ahead[step:], behind[:-step], out=ahead[step:])
+            extreme(ahead[:-step], behind[step:], out=ahead[:-step])
+        image = found
     return image

@@ -94,13 +94,6 @@ class Sky:
     suns: tuple[SunLight, ...]
     radiance: Float32
 
-    def mean_seen(self, directions: Float32, owner: Int32, count: int) -> Float64:
-        """Mean radiance (count, 3) over the directions (R, 3) of each owner (R,); 0 for those without any."""
-        cell = cells(directions)
-        rays = np.maximum(np.bincount(owner, minlength=count), 1)
-        sums = [np.bincount(owner, weights=channel[cell], minlength=count) for channel in self.radiance.T]
-        return np.stack(sums, axis=1) / rays[:, None]
-
 
 def sky_of(world: World) -> Sky | None:
     """The world's sky; None if it is alike everywhere."""

@@ -23,7 +23,7 @@ CHUNK = 1 << 15
 
 
 def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) -> Bools:
-    """(F,) bool: triangles that bound a solid: a closed surface, facing outward, that no lamp stands inside.
+    """(F,) bool: triangles that bound a solid: a closed opaque surface, facing outward, that no lamp stands inside.
 
     No light reaches the inside of such a surface. A closed surface around a lamp is a room instead, whatever open
     surfaces stand between; one that faces inward is a room seen from within.
@@ -54,6 +54,8 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     pairs, seen = np.unique(np.stack([source, around], axis=1), axis=0, return_counts=True)
     needed = np.where(pairs[:, 0] < count, LAMP_RAYS // 2, 3)
     rooms = pairs[seen >= needed, 1]
+    if visibility.transmittance is not None:
+        rooms = np.concatenate([rooms, surfaces.component[~visibility.transmittance.opaque]])
     return surfaces.closed & _facing_outward(surfaces) & ~np.isin(surfaces.component, rooms)
 
 
