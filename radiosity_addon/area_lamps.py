@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .arrays import Float32, Int32
+from .arrays import Bools, Float32, Int32
 from .lamp_samples import TINY, dot, gauss_nodes, normals_of, on_disc, outside, rows_of
 from .lamps import TOUCHING, Lamp
 from .polygons import BLOCK, Polygon, ellipse, parallelogram, polygon_light
@@ -17,6 +17,9 @@ from .scene import RGB, AreaLight
 
 SPREAD_NODES = 12
 """Gauss points along each side of the part of an area lamp that a narrowed spread lets a receiver see."""
+
+CUT_NODES = 24
+"""The same where a horizon cuts it: the cosine's kink there takes more (12 points err by 0.6 %, 24 by 0.03 %)."""
 
 SLOTS = 32
 """Slots of a row of the unit square for each of its cells, on average; finding a sample's cell is then one look-up."""
@@ -203,12 +206,23 @@ class SoftboxLamp(Lamp):
             p = rows_of(points[part])
             normals = normals_of(shading[part], None if geometric is None else geometric[part])
             _, (low, high), depth = self._seen(p)
-            chosen = np.flatnonzero((depth > 0) & (low < high))
-            if len(chosen):
-                normals = [normal[:, chosen] for normal in normals]
-                light = self.light_by_samples(p[:, chosen], normals, gauss_nodes(SPREAD_NODES))
-                result[start + chosen] = light
+            seen = (depth > 0) & (low < high)
+            cut = self._cut(p, normals)
+            for count, chosen in ((SPREAD_NODES, seen & ~cut), (CUT_NODES, seen & cut)):
+                some = np.flatnonzero(chosen)
+                if len(some):
+                    above = [normal[:, some] for normal in normals]
+                    result[start + some] = self.light_by_samples(p[:, some], above, gauss_nodes(count))
         return result
+
+    def _cut(self, p: Float32, normals: list[Float32]) -> Bools:
+        """Where a receiver's horizon may pass through the lamp, (B,)."""
+        from_centre = [p[k] - self.centre[k] for k in range(3)]
+        reach = np.float32(math.hypot(self.half_u, self.half_v))
+        cut = np.zeros(p.shape[1], bool)
+        for normal in normals:
+            cut |= np.abs(dot(from_centre, normal)) < reach
+        return cut
 
     def _seen(self, p: Float32) -> tuple[tuple[Float32, Float32], tuple[Float32, Float32], Float32]:
         """Foot point (u, v) in the lamp's plane, range of v that it sees, height over the plane; (B,) m each."""

@@ -23,12 +23,16 @@ from .scene import RGB, PointLight, SpotLight, SunLight
 TOUCHING = np.float32(1e-12)
 """Squared distance, m2, below which a receiver counts as this far from a lamp: light stays finite."""
 
-FADE_NODES = ((0.0, (2, 6)), (0.3, (6, 18)), (5.0, (16, 32)))
+FADE_NODES = ((0.0, (2, 6)), (0.3, (6, 18)), (5.0, (32, 64)))
 """Rings and points of each over a round lamp that a spot's fade crosses: for gentle, steep and hard fades, by how much
 of the fade's width the lamp takes at least."""
 
 HORIZON_NODES = (6, 18)
 """The same where a geometric horizon crosses it."""
+
+
+THINNEST_FADE = 1e-5
+"""Width of a spot's hardest fade in the cosine: Cycles has none, float32 resolves this."""
 
 
 class Lamp(ABC):
@@ -104,9 +108,9 @@ class SpotCone:
 
     @classmethod
     def of(cls, axes: tuple[RGB, RGB, RGB], angle: float, blend: float) -> SpotCone:
-        """The cone of a spot of full `angle`, radians, whose share `blend` fades; never thinner than 0.001."""
+        """The cone of a spot of full `angle`, radians, whose share `blend` fades."""
         edge = math.cos(angle / 2)
-        return cls(np.array(axes, np.float32), edge, 1 / max(0.001, (1 - edge) * blend))
+        return cls(np.array(axes, np.float32), edge, 1 / max(THINNEST_FADE, (1 - edge) * blend))
 
     def fade(self, away: Rows) -> Float32:
         """Share (B,) of the light that goes along -away (3, B)."""
@@ -245,6 +249,7 @@ class RoundLamp(Lamp):
             return away, weight if self.cone is None else weight * self.cone.fade(away)
         distance: Float32 = np.sqrt(square)
         axis: Float32 = away / distance
+        centre = away.copy() if self.sphere else away
         scale: Float32 | np.float32 = np.float32(1)
         if self.sphere:
             r2 = np.float32(self.radius**2)
@@ -264,7 +269,20 @@ class RoundLamp(Lamp):
         weight *= np.sqrt(weight)
         np.divide(dot(away, axis), weight, out=weight)
         weight *= scale * scale
+        if self.sphere:
+            self._end_on_sphere(away, centre)
         return away, weight if self.cone is None else weight * self.cone.fade(away)
+
+    def _end_on_sphere(self, away: Float32, centre: Float32) -> None:
+        """Shorten ways (3, B) that end where the tangent cone touches the sphere about centres (3, B) to its surface.
+
+        What stands inside the sphere's front would otherwise hide it: a lamp that is sunk into a wall.
+        """
+        square = dot(away, away)
+        along = dot(away, centre)
+        gap = dot(centre, centre) - np.float32(self.radius**2)
+        near = along - np.sqrt(np.maximum(along * along - square * gap, 0))
+        away *= np.where(gap > 0, near / np.maximum(square, TINY), 1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,10 +71,20 @@ def _by_identifier(sockets: bpy.types.bpy_prop_collection, like: bpy.types.NodeS
 
 def known(socket: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:
     """The constant that an input receives, (3,), numbers repeated; None where it is computed."""
-    end, _ = follow(socket, groups)
+    end, groups = follow(socket, groups)
     if not end.is_output or end.node.type in ("RGB", "VALUE"):
         return _default(end)
+    if end.node.type == "LIGHT_FALLOFF":
+        return _falloff(end, groups)
     return np.full(3, LIGHT_PATH.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
+
+
+def _falloff(output: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:
+    """The strength of light that falls off by itself; other ways to fall off vary with the distance."""
+    smooth = known(output.node.inputs["Smooth"], groups)
+    if output.name != "Quadratic" or smooth is None or smooth.any():
+        return None
+    return known(output.node.inputs["Strength"], groups)
 
 
 def likely(socket: bpy.types.NodeSocket, groups: Groups) -> Float64:

@@ -9,7 +9,7 @@ import numpy as np
 
 from radiosity_addon.bake import Baked
 from radiosity_addon.scene import Mesh, Scene
-from tests.accuracy.probes import LUMINANCE, References
+from tests.accuracy.probes import LUMINANCE, Probes, References
 
 SAME_SIDE = 0.5
 """Least cosine between a probe's normal and its triangle's."""
@@ -53,7 +53,7 @@ class Comparison:
 
 def compare(baked: Baked, scene: Scene, references: References) -> Comparison:
     """Hold a bake of `scene`, in world space, against Cycles."""
-    found = page_values(baked, scene, references)
+    found = page_at(baked, scene, Probes(references.object, references.position, references.normal))
     mean = references.value.mean(axis=0)
     error = (found - references.value) / mean
     luminance = (found - references.value) @ LUMINANCE / (mean @ LUMINANCE)
@@ -74,24 +74,24 @@ def compare(baked: Baked, scene: Scene, references: References) -> Comparison:
     )
 
 
-def page_values(baked: Baked, scene: Scene, references: References) -> np.ndarray:
+def page_at(baked: Baked, scene: Scene, probes: Probes) -> np.ndarray:
     """(N, 3) what the pages hold at each probe, as a renderer reads them: bilinear."""
-    names = [mesh.name for mesh in scene.meshes]
-    farthest = FARTHEST * float(np.linalg.norm(np.ptp(references.position, axis=0)))
-    values = np.empty_like(references.value)
-    for name in np.unique(references.object):
-        probes = np.flatnonzero(references.object == name)
-        index = names.index(str(name))
+    farthest = FARTHEST * float(np.linalg.norm(np.ptp(probes.position, axis=0)))
+    values = np.empty_like(probes.position)
+    distance = np.full(len(values), np.inf)
+    for index, mesh in enumerate(scene.meshes):
+        own = np.flatnonzero(probes.object == mesh.name)
         page = int(baked.atlas.page[index])
-        if not 0 <= page < len(baked.pages):
-            raise ValueError(f"{name} has probes but no lightmap")
-        triangle, weights, distance = nearest(
-            scene.meshes[index], references.position[probes], references.normal[probes]
-        )
-        if distance.max() > farthest:
-            raise ValueError(f"{name} has a probe {distance.max():g} m away from it: the scene has changed")
+        if not len(own) or not 0 <= page < len(baked.pages):
+            continue
+        triangle, weights, away = nearest(mesh, probes.position[own], probes.normal[own])
         uv = np.einsum("nc,ncx->nx", weights, baked.atlas.uv[index][triangle].astype(np.float64))
-        values[probes] = bilinear(baked.pages[page], uv)
+        nearer = away < distance[own]  # instances share a name
+        values[own[nearer]] = bilinear(baked.pages[page], uv[nearer])
+        distance[own[nearer]] = away[nearer]
+    for probe in np.flatnonzero(distance > farthest)[:1]:
+        name = probes.object[probe]
+        raise ValueError(f"{name} has a probe {distance[probe]:g} m away from any lightmap: the scene has changed")
     return values
 
 

@@ -21,17 +21,36 @@ ROOT = HERE.parents[1]
 
 @dataclass(frozen=True)
 class Plan:
-    """Probes, samples of a seed, seeds, and the box that holds the probes, m."""
+    """How a scene is measured.
 
-    count: int
+    Attributes:
+        footprint: edge of a texel at the page size that the suite bakes with, m
+        samples: of a seed and point
+        count: probes
+        seeds: their number
+        inside: (2, 3), the box that holds the probes, m, or None
+        without: objects that get no probes
+        folder: where the .blend lies
+    """
+
+    footprint: float
     samples: int
-    seeds: int
+    count: int = 200
+    seeds: int = 4
     inside: np.ndarray | None = None
+    without: tuple[str, ...] = ()
+    folder: Path = HERE / "scenes"
 
+
+SAMPLES = ROOT / "sample_scenes"
 
 PLANS = {
-    "cornell_box": Plan(400, 32768, 8),
-    "window_room": Plan(400, 65536, 8, np.array([[0.0, 0.0, 0.0], [4.0, 5.3, 2.7]])),
+    "cornell_box": Plan(0.016, 2048, folder=SAMPLES),
+    "window_room": Plan(0.016, 8192, folder=SAMPLES, inside=np.array([[0.0, 0.0, 0.0], [4.0, 5.3, 2.7]])),
+    "interior": Plan(0.025, 2048, folder=SAMPLES, inside=np.array([[-0.2, -0.01, -0.01], [6.01, 5.01, 2.81]])),
+    "attic": Plan(0.017, 2048, inside=np.array([[-0.01, -0.01, -0.01], [5.01, 6.26, 3.31]])),
+    "office": Plan(0.026, 512),
+    "gallery": Plan(0.025, 512),
 }
 
 
@@ -39,11 +58,13 @@ def main(names: list[str]) -> None:
     for name in names or list(PLANS):
         plan = PLANS[name]
         made = make_references(
-            ROOT / "sample_scenes" / f"{name}.blend",
+            plan.folder / f"{name}.blend",
             plan.count,
+            plan.footprint,
             plan.samples,
             list(range(1, plan.seeds + 1)),
             plan.inside,
+            plan.without,
         )
         made.save(HERE / "references" / f"{name}.npz")
         sys.stdout.write(

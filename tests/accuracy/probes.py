@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles as the judge: the light at a few hundred points of a scene, and how far a bake is from it.
 
-A probe is a tiny white triangle just above a surface, facing as the surface does and invisible to every ray that a
-bake traces. All probes are one mesh whose uv map gives each a texel of its own; Cycles bakes diffuse light without
-colour into it, many samples, all bounces, nothing clamped. That is irradiance / pi, what a page holds, at a point, with
-no unwrap of ours in between.
+A probe is the mean over the footprint of a texel: a square of 16 points on the surface, clipped to it. Each point is a
+tiny white triangle just above the surface, facing as the surface does and invisible to every ray that a bake traces.
+All points are one mesh whose uv map gives each a texel of its own; Cycles bakes diffuse light without colour into it,
+many samples, all bounces, nothing clamped. That is irradiance / pi, what a page holds, with no unwrap of ours in
+between.
 """
 
 from __future__ import annotations
@@ -12,21 +13,29 @@ from __future__ import annotations
 import hashlib
 import math
 import time
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-EDGE_SHARE = 1e-4
-"""Edge of a probe triangle, as a share of the scene's diagonal."""
+POINTS = 16
+"""Points of a footprint: a rank-1 lattice, so that an edge of any direction cuts it evenly."""
+LATTICE_STEP = 7
+EDGE_SHARE = 4e-5
+"""Edge of a point's triangle, as a share of the scene's diagonal."""
 INSET = 1e-3
 """Least barycentric weight of a probe: one on an edge would reach behind the next wall."""
 LIFT_SHARE = 2e-5
-"""Height of a probe above its surface, as a share of the scene's diagonal: too small to change what it sees."""
+"""Height of a point above its surface, as a share of the scene's diagonal: too small to change what it sees."""
 BOUNCES = 128
 DARK_SHARE = 1e-3
-"""Probes below this share of the mean lie under something that stands on the surface, and are left out."""
+"""Points below this share of the mean lie under something that stands on the surface, and are left out."""
+SAME_SIDE = 0.7
+"""Least cosine between the normals of a probe and of the triangles that its footprint lies on."""
+NEAR_SURFACE = 0.5
+"""Those triangles lie this share of the footprint's edge off its plane, at most."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Rec.709"""
 
@@ -49,17 +58,35 @@ class Probes:
 
 
 @dataclass(frozen=True)
+class Footprints:
+    """The points of N probes.
+
+    Attributes:
+        points: (N, POINTS, 3) on the surface, m
+        normals: (N, POINTS, 3) unit, of the surface there
+        there: (N, POINTS) bool, points that the surface has
+        centre: (N, 3) point of the surface in the middle of those that are there, m
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    there: np.ndarray
+    centre: np.ndarray
+
+
+@dataclass(frozen=True)
 class References:
     """What Cycles says.
 
     Attributes:
         object: (N,) name of the object under each probe
-        position: (N, 3) point on the surface, m
+        position: (N, 3) point on the surface, m: the middle of the footprint
         normal: (N, 3) unit
         value: (N, 3) irradiance / pi, W/(m2 sr)
         noise: (N, 3) standard error of value, from the seeds' spread
+        footprint: edge of the square that each value is the mean over, m
         scene: SHA-256 of the .blend file
-        samples: of each seed
+        samples: of each seed and point
         seeds: (K,)
         seconds: (K,) rendering time of each
         left_out: dark points that were dropped
@@ -71,6 +98,7 @@ class References:
     normal: np.ndarray
     value: np.ndarray
     noise: np.ndarray
+    footprint: float
     scene: str
     samples: int
     seeds: np.ndarray
@@ -90,7 +118,7 @@ class References:
     def load(cls, path: Path) -> References:
         with np.load(path) as stored:
             values = {field.name: stored[field.name] for field in fields(cls)}
-        for name in ("scene", "samples", "left_out", "blender"):
+        for name in ("footprint", "scene", "samples", "left_out", "blender"):
             values[name] = values[name].item()
         return cls(**values)
 
@@ -101,34 +129,39 @@ def fingerprint(blend: Path) -> str:
 
 
 def rendered_surfaces() -> list[Surface]:
-    """The open scene's surfaces, by object, sorted by name."""
+    """The open scene's surfaces, one for each object and instance, sorted by name and place."""
     import bpy
 
     depsgraph = bpy.context.evaluated_depsgraph_get()
     surfaces = []
-    for each in sorted(bpy.context.scene.objects, key=lambda each: each.name):
-        if each.hide_render or each.type not in {"MESH", "CURVE", "SURFACE", "FONT", "META"}:
+    for item in depsgraph.object_instances:
+        thing = item.object
+        # the faces of curves, text and the like come as instances of type MESH
+        if thing.type != "MESH" or not item.show_self or thing.original.hide_render:
             continue
-        evaluated = each.evaluated_get(depsgraph)
-        mesh = evaluated.to_mesh()
+        matrix = np.array(item.matrix_world)
+        mesh = thing.to_mesh()
         mesh.calc_loop_triangles()
         points = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", points)
         corner = np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.loop_triangles.foreach_get("vertices", corner)
-        matrix = np.array(evaluated.matrix_world)
         world = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
         corners = world[corner.reshape(-1, 3)]
-        surfaces.append(Surface(each.name, corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else corners))
-        evaluated.to_mesh_clear()
-    return [surface for surface in surfaces if len(surface.corners)]
+        surfaces.append(Surface(thing.name, corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else corners))
+        thing.to_mesh_clear()
+    found = [surface for surface in surfaces if len(surface.corners)]
+    return sorted(found, key=lambda surface: (surface.name, *surface.corners.mean(axis=(0, 1)).round(4).tolist()))
 
 
-def place(surfaces: list[Surface], count: int, inside: np.ndarray | None = None) -> Probes:
+def place(
+    surfaces: list[Surface], count: int, inside: np.ndarray | None = None, without: Collection[str] = ()
+) -> Probes:
     """Spread `count` probes evenly over the surfaces' area, the same ones each time.
 
     Args:
         inside: (2, 3) lowest and highest corner, m: triangles whose centre lies outside get none
+        without: names of objects that get none
     """
     corners = np.concatenate([surface.corners for surface in surfaces])
     name = np.repeat([surface.name for surface in surfaces], [len(surface.corners) for surface in surfaces])
@@ -136,7 +169,8 @@ def place(surfaces: list[Surface], count: int, inside: np.ndarray | None = None)
     area = np.linalg.norm(cross, axis=1) / 2
     if inside is not None:
         centre = corners.mean(axis=1)
-        area *= ((centre >= inside[0]) & (centre <= inside[1])).all(axis=1)
+        area = area * ((centre >= inside[0]) & (centre <= inside[1])).all(axis=1)
+    area = area * ~np.isin(name, list(without))
     share = np.cumsum(area) / area.sum()
     index = np.arange(count)
     triangle = np.searchsorted(share, (index + 0.5) / count)
@@ -146,19 +180,71 @@ def place(surfaces: list[Surface], count: int, inside: np.ndarray | None = None)
     weights = np.clip(np.stack([1 - u - v, u, v], axis=1), INSET, None)
     weights /= weights.sum(axis=1, keepdims=True)
     position = np.einsum("nc,ncx->nx", weights, corners[triangle])
-    return Probes(name[triangle], position, cross[triangle] / (2 * area[triangle, None]))
+    return Probes(name[triangle], position, cross[triangle] / np.linalg.norm(cross[triangle], axis=1, keepdims=True))
+
+
+def tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (N, 3) square to unit normals (N, 3) and to each other; along the axes on level surfaces."""
+    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
+    across = np.cross(normal, helper)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return across, np.cross(normal, across)
+
+
+def footprints(surfaces: list[Surface], probes: Probes, edge: float) -> Footprints:
+    """The points of squares, `edge` metres wide, about probes, as far as the surface reaches."""
+    across, along = tangents(probes.normal)
+    step = (np.arange(POINTS)[:, None] * [1, LATTICE_STEP] % POINTS + 0.5) / POINTS - 0.5
+    flat = probes.position[:, None] + edge * (step[:, :1] * across[:, None] + step[:, 1:] * along[:, None])
+    points, normals, there, centre = flat.copy(), np.zeros_like(flat), np.zeros(flat.shape[:2], bool), probes.position
+    centre = centre.copy()
+    for index, normal in enumerate(probes.normal):
+        corners = np.concatenate([each.corners for each in surfaces if each.name == probes.object[index]])
+        reach = NEAR_SURFACE * edge
+        points[index], normals[index], there[index] = dropped(flat[index], normal, corners, reach)
+        middle, _, found = dropped(points[index, there[index]].mean(axis=0, keepdims=True), normal, corners, reach)
+        if found[0]:
+            centre[index] = middle[0]
+    return Footprints(points, normals, there, centre)
+
+
+def dropped(
+    points: np.ndarray, normal: np.ndarray, corners: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (P, 3) moved along a normal (3,) onto the nearest of triangles (F, 3, 3) within `reach`, m.
+
+    Returns:
+        points (P, 3), unit normals there (P, 3), and which met a triangle (P,)
+    """
+    start, edge_u, edge_v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    cross = np.cross(edge_u, edge_v)
+    facing = cross @ normal
+    alike = facing > SAME_SIDE * np.linalg.norm(cross, axis=1)
+    start, edge_u, edge_v, cross, facing = (part[alike] for part in (start, edge_u, edge_v, cross, facing))
+    if not len(start):
+        return points, np.zeros_like(points), np.zeros(len(points), bool)
+    # Moeller and Trumbore 1997, all points with all triangles
+    gap = points[:, None] - start
+    u = np.cross(gap, edge_v) @ normal / facing
+    v = np.cross(edge_u, gap) @ normal / facing
+    height = np.abs(np.einsum("pfk,fk->pf", gap, cross) / facing)
+    height[(u < 0) | (v < 0) | (u + v > 1) | (height > reach)] = np.inf
+    best = height.argmin(axis=1)
+    row = np.arange(len(points))
+    u, v = u[row, best, None], v[row, best, None]
+    there = np.isfinite(height[row, best])
+    moved = start[best] + u * edge_u[best] + v * edge_v[best]
+    normals = cross[best] / np.linalg.norm(cross[best], axis=1, keepdims=True)
+    return np.where(there[:, None], moved, points), normals, there
 
 
 def probe_mesh(probes: Probes, size: float) -> Any:
-    """The probes as one object in the open scene, and the image that it bakes into; `size` is the scene's, m."""
+    """Points as one object in the open scene, and the image that it bakes into; `size` is the scene's, m."""
     import bpy
 
     count = len(probes.position)
     width = math.ceil(math.sqrt(count))
-    helper = np.where(np.abs(probes.normal[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
-    across = np.cross(probes.normal, helper)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    along = np.cross(probes.normal, across)
+    across, along = tangents(probes.normal)
     angle = 2 * math.pi / 3 * np.arange(3)
     radius = size * EDGE_SHARE / math.sqrt(3)
     centre = probes.position + size * LIFT_SHARE * probes.normal
@@ -216,7 +302,7 @@ def judge(scene: Any, samples: int, seed: int, threads: int) -> None:
 
 
 def measure(probes: Probes, size: float, samples: int, seeds: list[int], threads: int = 1) -> tuple[Any, list[float]]:
-    """Irradiance / pi at each probe in the open scene: (K, N, 3) for K seeds, and the seconds each took."""
+    """Irradiance / pi at each point in the open scene: (K, N, 3) for K seeds, and the seconds each took."""
     import bpy
 
     scene = bpy.context.scene
@@ -243,24 +329,44 @@ def extent(surfaces: list[Surface]) -> float:
 
 
 def make_references(
-    blend: Path, count: int, samples: int, seeds: list[int], inside: np.ndarray | None = None
+    blend: Path,
+    count: int,
+    footprint: float,
+    samples: int,
+    seeds: list[int],
+    inside: np.ndarray | None = None,
+    without: Collection[str] = (),
 ) -> References:
-    """Open a .blend and let Cycles measure the light at `count` points of it; `inside` as for `place`."""
+    """Open a .blend and let Cycles measure the light at `count` places of it.
+
+    Args:
+        footprint: edge of the square that each is the mean over, m
+        samples: of a seed and point; there are POINTS points to a place
+        inside, without: as for `place`
+    """
     import bpy
 
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     surfaces = rendered_surfaces()
-    probes = place(surfaces, count, inside)
-    values, seconds = measure(probes, extent(surfaces), samples, seeds)
-    value = values.mean(axis=0)
-    luminance = value @ LUMINANCE
-    kept = luminance > DARK_SHARE * luminance.mean()
+    probes = place(surfaces, count, inside, without)
+    squares = footprints(surfaces, probes, footprint)
+    there = squares.there
+    name = np.repeat(probes.object[:, None], POINTS, axis=1)
+    flat = Probes(name[there], squares.points[there], squares.normals[there])
+    measured, seconds = measure(flat, extent(surfaces), samples, seeds)
+    values = np.zeros((len(seeds), *squares.points.shape))
+    values[:, there] = measured
+    luminance = values.mean(axis=0) @ LUMINANCE
+    lit = there & (luminance > DARK_SHARE * luminance[there].mean())
+    kept = lit.any(axis=1)
+    means = (values * lit[:, :, None]).sum(axis=2)[:, kept] / lit.sum(axis=1)[kept, None]
     return References(
         object=probes.object[kept],
-        position=probes.position[kept],
+        position=squares.centre[kept],
         normal=probes.normal[kept],
-        value=value[kept],
-        noise=(values.std(axis=0, ddof=1) / math.sqrt(len(seeds)))[kept],
+        value=means.mean(axis=0),
+        noise=means.std(axis=0, ddof=1) / math.sqrt(len(seeds)),
+        footprint=footprint,
         scene=fingerprint(blend),
         samples=samples,
         seeds=np.array(seeds),
