@@ -15,6 +15,7 @@ import shutil
 import socket
 import sys
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -124,6 +125,25 @@ def write_text(target: Path, text: str, files: Transaction) -> None:
     files.place(target)
 
 
+def write_bytes(target: Path, pieces: Sequence[bytes], files: Transaction) -> None:
+    """Write a file in pieces and read it back, as part of a transaction.
+
+    Raises:
+        OutputError: it can't be written, or came back different
+    """
+    temporary = files.begin(target)
+    try:
+        with temporary.open("wb") as file:
+            file.writelines(pieces)
+        with temporary.open("rb") as file:
+            same = all(file.read(len(piece)) == piece for piece in pieces) and not file.read(1)
+    except OSError as error:
+        raise _output_error(target, error) from error
+    if not same:
+        raise OutputError(str(target), "the file did not come back as it was written", "Choose another folder")
+    files.place(target)
+
+
 def safe_stem(name: str) -> str:
     """A file name part that every file system takes; two different names never become the same one."""
     safe = re.sub(r"[^\w\-. ]", "_", name).strip(". ")
@@ -132,11 +152,6 @@ def safe_stem(name: str) -> str:
     if safe == name:
         return safe
     return f"{safe or 'scene'}-{hashlib.sha256(name.encode('utf-8', 'surrogatepass')).hexdigest()[:6]}"
-
-
-def page_paths(folder: Path, stem: str, count: int) -> list[Path]:
-    """Where the pages of the .blend called `stem` are written."""
-    return [folder / f"{safe_stem(stem)}_radiosity_{page + 1}.exr" for page in range(count)]
 
 
 def _output_error(path: Path, error: OSError) -> OutputError:
