@@ -19,7 +19,10 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from .color.gamut import INTENTS
+from .color.spaces import SPACES
 from .errors import BakeError, OutputError, SceneError, explained
+from .page_format import COMPRESSIONS, DEPTHS, FORMATS, TRANSFERS, PageFormat
 from .progress import Meter, short_count
 from .settings import QUALITIES, SOLVER_NAMES, BakeSettings
 
@@ -52,6 +55,13 @@ class Verb:
     bounces: str | int | None = None
     threads: int | None = None
     write_back: str | None = None
+    format: str | None = None
+    depth: str | None = None
+    compression: str | None = None
+    exposure: float | None = None
+    transfer: str | None = None
+    space: str | None = None
+    intent: str | None = None
     object: tuple[str, ...] = ()
     passes: tuple[int, ...] | None = None
     picture: Path | None = None
@@ -121,6 +131,7 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
         choices=("preview", "uv"),
         help="preview: materials show the light; uv: uv maps and images only; default: preview",
     )
+    _add_format(bake)
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write figures of the bake")
     bake.add_argument("--render", type=_png, metavar="PICTURE.png", help="render the lit scene")
     bake.add_argument(
@@ -175,6 +186,26 @@ def _add_density(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--density", type=float, metavar="F", help="texels per metre; default: fill one page")
     verb.add_argument(
         "--page-size", type=int, metavar="N", help=f"texels along a page's edge; default: {BakeSettings.page_size}"
+    )
+
+
+def _add_format(verb: argparse.ArgumentParser) -> None:
+    plain = PageFormat()
+    verb.add_argument("--format", choices=FORMATS, help=f"of the pages; default: {plain.format}")
+    verb.add_argument("--depth", choices=DEPTHS, help=f"of exr: bits a channel, 16 or 32; default: {plain.depth}")
+    verb.add_argument("--compression", choices=COMPRESSIONS, help=f"of exr, lossless; default: {plain.compression}")
+    verb.add_argument("--exposure", type=float, metavar="STOPS", help="of png8 and png16: brightens them; default: 0")
+    verb.add_argument("--transfer", choices=TRANSFERS, help=f"of png8 and png16; default: {plain.transfer}")
+    verb.add_argument(
+        "--target-space",
+        dest="space",
+        choices=SPACES,
+        help="primaries of the pages; default: rec709 for png8 and png16, the scene's working space otherwise",
+    )
+    verb.add_argument(
+        "--intent",
+        choices=INTENTS,
+        help=f"what happens to colours that the pages can't hold; default: {plain.intent}",
     )
 
 

@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from .arrays import Float32, Float64, Int32
+from .color.spaces import REC709, RGBSpace
 from .shading import Quantity
 
 RGB: TypeAlias = tuple[float, float, float]
@@ -210,7 +211,7 @@ class Scene:
     Attributes:
         groups: names of the light groups; every light, emission and the world is in exactly one
         bounces: most bounces of a group's light, by index of the group; those not in it bounce until none is left
-        working_space: Blender's name of the linear RGB space of all triples
+        working_space: the linear RGB space of all triples
         warnings: what the extractor had to say
     """
 
@@ -220,7 +221,7 @@ class Scene:
     world: World = field(default_factory=World)
     groups: tuple[str, ...] = ("",)
     bounces: Mapping[int, int] = field(default_factory=dict)
-    working_space: str = "Linear Rec.709"
+    working_space: RGBSpace = REC709
     warnings: tuple[str, ...] = ()
 
     def moved(self, offset: Float64) -> Scene:

@@ -78,7 +78,10 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
     more = (
         "--write-back uv --tolerance 1e-4 --bounces 3 --report r.json --render p.png --object Wall Floor --object Lamp"
     )
-    assert cli.main(["bake", str(blend), "-o", "out.blend", *words.split(), *more.split()]) == 0
+    form = "--format rgbm --depth float --compression piz --exposure -1.5 --transfer linear --target-space p3"
+    last = "--intent perceptual"
+    given = " ".join([words, more, form, last])
+    assert cli.main(["bake", str(blend), "-o", "out.blend", *given.split()]) == 0
     here = Path.cwd()
     assert ran == [
         (
@@ -97,6 +100,13 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
                 bounces=3,
                 threads=2,
                 write_back="uv",
+                format="rgbm",
+                depth="float",
+                compression="piz",
+                exposure=-1.5,
+                transfer="linear",
+                space="p3",
+                intent="perceptual",
                 object=("Wall", "Floor", "Lamp"),
                 quiet=True,
             ),

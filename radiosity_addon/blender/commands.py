@@ -13,6 +13,7 @@ import numpy as np
 from ..chunks import finish
 from ..errors import SceneError
 from ..files import Transaction
+from ..page_format import PageFormat
 from ..report import Report, count_of, write_report
 from ..settings import BakeSettings
 from ..unwrap import Atlas, build_atlas
@@ -50,6 +51,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
         folder=textures,
         stem=output.stem,
         objects=verb.object,
+        page_format=page_format(scene, verb),
     )
     with Transaction() as files:
         for target in filter(None, (output, verb.report, verb.render)):
@@ -129,6 +131,13 @@ def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
         given |= cycles_limits(scene) if verb.bounces == "scene" else {}
         given |= {"bounces": verb.bounces} if isinstance(verb.bounces, int) else {}
     return replace(scene.radiosity.bake_settings(), **given)
+
+
+def page_format(scene: bpy.types.Scene, verb: Verb) -> PageFormat:
+    """The scene's format of page files, and what the command line says in its place."""
+    names = ("format", "depth", "compression", "exposure", "transfer", "space", "intent")
+    given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
+    return replace(scene.radiosity.files.page_format(), **given)
 
 
 def watched(steps: Generator[Progress, None, Report], meter: Meter) -> Report:

@@ -23,6 +23,7 @@ from .preflight import check_can_carry, check_is_there, check_memory, check_size
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
 from .surface_inputs import Asking, SurfaceInputs
+from .working_space import working_space
 from .world import read_world, render_sky
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
@@ -393,12 +394,6 @@ def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
     if original.type != "MESH" or any(mod.type == "NODES" and mod.show_render for mod in original.modifiers):
         return False
     return has_loops_of(rendered, original.data)
-
-
-def working_space() -> str:
-    """Blender's name of the linear space that its colours are in."""
-    colorspace = getattr(bpy.data, "colorspace", None)  # from 5.0; before, it was always this one
-    return colorspace.working_space if colorspace is not None else "Linear Rec.709"
 
 
 def _is_own_surface(item: bpy.types.DepsgraphObjectInstance) -> bool:

@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -15,8 +15,9 @@ import bpy
 
 from ..bake import Baked, bake
 from ..errors import SceneError
-from ..files import Transaction, page_paths
-from ..image import write_exr
+from ..files import Transaction
+from ..page_files import page_paths, sidecar_path, write_pages, write_sidecar
+from ..page_format import PageFormat
 from ..report import BakedObject, Page, Report
 from ..settings import BakeSettings
 from ..stages import Progress
@@ -40,6 +41,7 @@ class Job:
         folder: where the pages go, absolute; None packs them into the .blend
         stem: what the pages' names begin with
         objects: names of those to bake, while all others only shadow and bounce; empty bakes all
+        page_format: how the pages are written
     """
 
     settings: BakeSettings
@@ -47,6 +49,7 @@ class Job:
     folder: Path | None
     stem: str
     objects: Sequence[str] = ()
+    page_format: PageFormat = field(default_factory=PageFormat)
 
 
 def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generator[Progress, None, Report]:
@@ -71,12 +74,23 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
         yield last
         begin = time.perf_counter()
-        paths = page_paths(folder, job.stem, len(baked.pages))
-        clamped = [write_exr(path, page, files) for path, page in zip(paths, baked.pages, strict=True)]
+        paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
+        working, workers = extraction.scene.working_space, job.settings.workers
+        pages = write_pages(baked.pages, paths, job.page_format, working, files, workers)
+        if job.folder is not None and job.page_format.format != "exr":  # an EXR says by itself what it holds
+            write_sidecar(sidecar_path(folder, job.stem), paths, pages.recipe, files)
         written = time.perf_counter()
         yield replace(last, stage="Write back")
         scene = _still_there(scene_name)
-        rows, images = write_back(scene, extraction, baked.atlas, paths, mode=job.write_back, pack=job.folder is None)
+        rows, images = write_back(
+            scene,
+            extraction,
+            baked.atlas,
+            paths,
+            recipe=pages.recipe,
+            mode=job.write_back,
+            pack=job.folder is None,
+        )
     end = time.perf_counter()
     lit = [index for index, page in enumerate(baked.atlas.page) if 0 <= page < baked.atlas.page_count]
     return Report(
@@ -96,7 +110,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         patches=baked.patches,
         rays=baked.rays,
         residual=baked.residual,
-        warnings=[*baked.warnings, *_clamped_warnings(paths, clamped)],
+        warnings=[*baked.warnings, *_clamped_warnings(paths, pages.clamped, job.page_format)],
     )
 
 
@@ -121,9 +135,10 @@ def _still_there(name: str) -> bpy.types.Scene:
     return scene
 
 
-def _clamped_warnings(paths: Sequence[Path], clamped: Sequence[int]) -> list[str]:
+def _clamped_warnings(paths: Sequence[Path], clamped: Sequence[int], wanted: PageFormat) -> list[str]:
+    numbers = f"{wanted.depth} floats" if wanted.format == "exr" else wanted.format
     return [
-        f"{path.name}: {count} values that half floats can't hold were clamped"
+        f"{path.name}: {count} values that {numbers} can't hold were clamped"
         for path, count in zip(paths, clamped, strict=True)
         if count
     ]

@@ -18,6 +18,9 @@ BAKE_KEY = "radiosity_bake"
 PAGE_KEY = "radiosity_page"
 """On an image: index of the page that it holds."""
 
+RECIPE_KEY = "radiosity_recipe"
+"""On an image: how its file's numbers become light, JSON."""
+
 STAND_IN_KEY = "radiosity_source"
 """On a stand-in: the object that it shows. On its mesh: True."""
 

@@ -156,6 +156,7 @@ def bake_in_place(scene: bpy.types.Scene) -> Generator[Progress, None, Report]:
         write_back=settings.write_back,
         folder=_textures(settings.textures, opened),
         stem=opened.stem if opened else "unsaved",
+        page_format=settings.files.page_format(),
     )
     with Transaction() as files:
         report = yield from bake_scene(scene, job, files)

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import bpy
 
+from ..page_format import PICTURES
 from .names import is_baked
 from .operators import Running
 
@@ -69,6 +70,31 @@ class RADIOSITY_PT_pages(RenderPanel, bpy.types.Panel):
         value.active = settings.density_enabled
         value.prop(settings, "density", text="")
         layout.prop(settings, "textures")
+
+
+class RADIOSITY_PT_files(RenderPanel, bpy.types.Panel):
+    """Format and colours of the page files."""
+
+    bl_label = "Files"
+    bl_parent_id = "RADIOSITY_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        files = context.scene.radiosity.files
+        layout.prop(files, "format")
+        if files.format == "exr":
+            layout.prop(files, "depth", expand=True)
+            layout.prop(files, "compression")
+        elif files.format in PICTURES:
+            layout.prop(files, "exposure")
+            layout.prop(files, "transfer", expand=True)
+        layout.prop(files, "space")
+        fitting = layout.column()
+        fitting.active = files.format != "exr" or files.space != "auto"
+        fitting.prop(files, "intent")
 
 
 class RADIOSITY_PT_solver(RenderPanel, bpy.types.Panel):
@@ -137,6 +163,7 @@ class RADIOSITY_PT_object(bpy.types.Panel):
 CLASSES = (
     RADIOSITY_PT_render,
     RADIOSITY_PT_pages,
+    RADIOSITY_PT_files,
     RADIOSITY_PT_solver,
     RADIOSITY_PT_sidebar,
     RADIOSITY_PT_object,

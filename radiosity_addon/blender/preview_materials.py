@@ -12,6 +12,7 @@ import bpy
 
 from .materials import DEFAULT_REFLECTANCE, tree_of
 from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, UV_MAP
+from .page_images import light_of
 from .preview_nodes import BLACK, Look, ShaderReader
 
 ENGINES = ("CYCLES", "EEVEE")
@@ -92,4 +93,4 @@ def _lightmap(reader: ShaderReader, image: bpy.types.Image) -> bpy.types.NodeSoc
     texture.image = image
     texture.extension = "EXTEND"
     reader.tree.links.new(place.outputs["UV"], texture.inputs["Vector"])
-    return texture.outputs["Color"]
+    return light_of(reader.tree, texture, reader.token)

@@ -9,6 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..settings import MAX_PAGE_SIZE, BakeSettings
+from .format_properties import RadiosityFileSettings
 
 RELATIVE_PATH = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else {"ANIMATABLE"}
 """Before 4.5 every path could be relative to the .blend."""
@@ -106,6 +107,12 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         options=RELATIVE_PATH,
     )
 
+    files: PointerProperty(
+        type=RadiosityFileSettings,
+        name="Files",
+        description="How the lightmap images are written",
+    )
+
     def bake_settings(self) -> BakeSettings:
         """The core's settings."""
         return BakeSettings(
@@ -146,7 +153,7 @@ class RadiosityObjectSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (RadiositySceneSettings, RadiosityObjectSettings)
+CLASSES = (RadiosityFileSettings, RadiositySceneSettings, RadiosityObjectSettings)
 
 
 def register() -> None:

@@ -17,13 +17,16 @@ import bpy
 import numpy as np
 
 from ..arrays import Float32
-from ..errors import OutputError, SceneError
+from ..errors import SceneError
+from ..page_format import Recipe
 from .evaluation import at_render_settings
 from .extract import Extraction, check_can_carry
 from .names import BAKE_KEY, PAGE_KEY, SLOT_KEY, UV_KEY, UV_MAP, has_our_uv_map
+from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
 from .stand_in import as_unbaked, instancers, make_stand_in, swap_in
+from .working_space import working_space
 
 if TYPE_CHECKING:
     from ..unwrap import Atlas
@@ -59,6 +62,7 @@ def write_back(
     atlas: Atlas,
     files: Sequence[Path],
     *,
+    recipe: Recipe | None = None,
     mode: Literal["preview", "uv"] = "preview",
     pack: bool = False,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -68,7 +72,8 @@ def write_back(
         scene: the scene that was extracted
         extraction: what was read from it
         atlas: where each mesh lies
-        files: the EXR file of each page
+        files: the file of each page
+        recipe: how to read them; by default they are EXR files in the working space
         mode: "preview" gives baked objects material copies that show the lightmap; "uv" leaves materials alone
         pack: keep the pages inside the .blend, for files that will not stay; an unsaved .blend always does
 
@@ -84,7 +89,8 @@ def write_back(
     places = _find_places(extraction, atlas)
     token = uuid.uuid4().hex
     try:
-        images = [_load_image(path, page, token, pack) for page, path in enumerate(files)]
+        recipe = recipe or Recipe("exr", working_space())
+        images = [load_page(path, page, token, recipe, pack=pack) for page, path in enumerate(files)]
         _make_stand_ins(scene, places, token)
         before = scene.get(BAKE_KEY)
         if before:
@@ -142,29 +148,6 @@ def _find_places(extraction: Extraction, atlas: Atlas) -> list[_Place]:
 def _check_corners(thing: bpy.types.Object, mesh: bpy.types.Mesh, uv: Float32) -> None:
     if len(uv) > len(mesh.loops):
         raise SceneError(thing.name, "its mesh was changed during the bake", "Bake again")
-
-
-def _load_image(path: Path, page: int, token: str, pack: bool) -> bpy.types.Image:
-    try:
-        image = bpy.data.images.load(str(path.resolve()))
-    except RuntimeError as failure:
-        raise OutputError(str(path), "this page can't be read", "Bake again") from failure
-    image[BAKE_KEY] = token
-    image[PAGE_KEY] = page
-    image.name = f"Radiosity {page + 1}"
-    if 0 in image.size:
-        raise OutputError(str(path), "this page is no readable picture", "Bake again")
-    image.colorspace_settings.is_data = True  # the working space's own numbers, to be used as they are
-    image.use_fake_user = True
-    if pack or not bpy.data.is_saved:
-        image.pack()
-        image.filepath = f"//{path.name}"
-        return image
-    try:
-        image.filepath = bpy.path.relpath(str(path.resolve()))
-    except ValueError:  # on another drive than the .blend
-        image.filepath = str(path.resolve())
-    return image
 
 
 def _replace_images(images: list[bpy.types.Image], before: str) -> list[bpy.types.Image]:

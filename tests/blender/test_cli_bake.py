@@ -68,6 +68,23 @@ def open_file(path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(path))
 
 
+def test_a_format_of_pictures_comes_with_its_recipe_and_looks_alike(scene: Path, tmp_path: Path) -> None:
+    pictures = {}
+    for words in (["--format", "exr"], ["--format", "rgbm"], ["--format", "png16", "--exposure", "-2"]):
+        out = tmp_path / words[1]
+        assert run("bake", scene, "-o", out / "lit.blend", "--render", out / "room.png", *FAST, *words) == 0
+        pictures[words[1]] = oiio.ImageInput.open(str(out / "room.png")).read_image(oiio.FLOAT)
+        open_file(out / "lit.blend")
+        assert run("revert", out / "lit.blend", "-o", out / "plain.blend") == 0
+        open_file(out / "plain.blend")
+        assert not bpy.data.node_groups, "the group that decodes goes with the bake"
+    assert not (tmp_path / "exr" / "lit_textures" / "lit_radiosity.json").exists()
+    recipe = json.loads((tmp_path / "rgbm" / "lit_textures" / "lit_radiosity.json").read_text())
+    assert (recipe["format"], recipe["pages"]) == ("rgbm", ["lit_radiosity_1.png"])
+    np.testing.assert_allclose(pictures["rgbm"], pictures["exr"], rtol=0, atol=2 / 255)
+    np.testing.assert_allclose(pictures["png16"], pictures["exr"], rtol=0, atol=2 / 255)
+
+
 def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Path, tmp_path: Path) -> None:
     source = scene.read_bytes()
     out = tmp_path / "out"
