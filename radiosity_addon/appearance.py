@@ -12,14 +12,12 @@ from .chunks import Fractions
 from .opacity import Opacity
 from .scene import MAX_REFLECTANCE, Scene
 from .shading import Layout, Quantity, Shader
+from .surfaces import Surfaces
 from .texels import Texels
 from .unwrap import Atlas
 
 SHOWN: tuple[Quantity, ...] = ("reflectance", "emission")
 """What is asked for at texels."""
-
-BLOCK = 1 << 16
-"""Texels treated in one go."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +34,6 @@ class Appearance:
     emission: Float32
     group: Int32
 
-    def without(self, texels: Texels, sampled: Bools) -> Appearance:
-        """Leave out the glow of triangles `sampled` (F,) as lamps, so that nothing counts twice: changes this look."""
-        self.emission[sampled[texels.triangle[:, 0]]] = 0
-        return self
-
     def stopped(self, opacity: Opacity) -> Appearance:
         """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
 
@@ -51,53 +44,64 @@ class Appearance:
 
 
 def appearance_of(
-    scene: Scene, atlas: Atlas, texels: Texels, shade: Shader | None
+    scene: Scene, atlas: Atlas, texels: Texels, sampled: Bools, shade: Shader | None
 ) -> Fractions[tuple[Appearance, tuple[str, ...]]]:
-    """How texels look, and warnings about what can't be as it was shown; yields the share done.
+    """How texels look, and warnings about what can't be as it is shown; yields the share done.
 
     Args:
+        sampled: (F,) triangles that shine as lamps: they do not glow as well, so that nothing counts twice
         shade: tells what varies; without it everything has its material's constants
     """
-    material = texels.surfaces.material[texels.triangle[:, 0]]
+    triangle = texels.triangle[:, 0]
+    material = texels.surfaces.material[triangle]
     values: dict[Quantity, Float32] = {
         "reflectance": np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
         "emission": np.array([entry.emission for entry in scene.materials], np.float32)[material],
     }
-    warnings: list[str] = []
-    for done, quantity in enumerate(SHOWN if shade is not None else ()):
-        varies = np.array([quantity in entry.varies for entry in scene.materials], bool)
-        if shade is None or not varies.any():
+    values["emission"][sampled[triangle]] = 0
+    said: tuple[str, ...] = ()
+    for done, quantity in enumerate(SHOWN):
+        varies = np.array([quantity in entry.varies for entry in scene.materials] or [False])
+        asked = varies[texels.surfaces.material]
+        if quantity == "emission":
+            asked &= ~sampled
+        if shade is None or not asked.any():
             continue
         yield done / len(SHOWN)
-        layout = Layout(atlas.size, texels.page_count, atlas.page, atlas.uv)
-        meshes = np.array([bool(varies[mesh.material].any()) for mesh in scene.meshes], bool)
-        picture = shade(layout, meshes, quantity).reshape(-1, 3)
-        chosen = np.flatnonzero(varies[material])
-        for start in range(0, len(chosen), BLOCK):
-            part = chosen[start : start + BLOCK]
-            values[quantity][part] = picture[texels.pixel[part]]
-        warnings += _repaired(values[quantity], quantity, chosen, scene, texels)
+        meshes = np.bincount(texels.surfaces.mesh[asked], minlength=len(scene.meshes)) > 0
+        picture = shade(Layout(atlas.size, texels.page_count, atlas.page, atlas.uv), meshes, quantity).reshape(-1, 3)
+        chosen = np.flatnonzero(asked[triangle])
+        colors, warnings = within_physics(
+            picture[texels.pixel[chosen]], quantity, triangle[chosen], scene, texels.surfaces
+        )
+        values[quantity][chosen] = colors
+        said += warnings
     group = np.array([entry.group for entry in scene.materials], np.int32)[material]
-    return Appearance(values["reflectance"], values["emission"], group), tuple(warnings)
+    return Appearance(values["reflectance"], values["emission"], group), said
 
 
-def _repaired(colors: Float32, quantity: Quantity, chosen: Int64, scene: Scene, texels: Texels) -> tuple[str, ...]:
-    """Bring `colors` (T, 3) of texels `chosen` (C,) within physics, in place; returns what was wrong where."""
-    shown = colors[chosen]
-    broken = ~np.isfinite(shown).all(1)
-    shown[broken] = 0
-    messages = [(broken, "is not a finite number in places, which are taken as black")]
-    messages.append(((shown < 0).any(1), "is negative in places, which are taken as black"))
+def within_physics(
+    colors: Float32, quantity: Quantity, triangle: Int32 | Int64, scene: Scene, surfaces: Surfaces
+) -> tuple[Float32, tuple[str, ...]]:
+    """Colours (C, 3) that can be, in place, and warnings that say what was wrong where.
+
+    Args:
+        triangle: (C,) on which each was seen
+    """
+    broken = ~np.isfinite(colors).all(1)
+    colors[broken] = 0
+    wrong = [
+        (broken, "is not a finite number in places, which are taken as black"),
+        ((colors < 0).any(1), "is negative in places, which are taken as black"),
+    ]
     if quantity == "reflectance":
-        too_much = (shown > MAX_REFLECTANCE).any(1)
-        messages.append((too_much, f"is up to {shown.max(initial=0):.4g} in places and limited to {MAX_REFLECTANCE}"))
-    colors[chosen] = np.clip(shown, 0, MAX_REFLECTANCE if quantity == "reflectance" else None)
-    surfaces = texels.surfaces
+        most = f"is up to {colors.max(initial=0):.4g} in places and limited to {MAX_REFLECTANCE}"
+        wrong.append(((colors > MAX_REFLECTANCE).any(1), most))
+    np.clip(colors, 0, MAX_REFLECTANCE if quantity == "reflectance" else None, out=colors)
     said = []
-    for wrong, text in messages:
-        triangle = texels.triangle[chosen[wrong], 0]
-        pairs = np.stack([surfaces.mesh[triangle], surfaces.material[triangle]], axis=1)
+    for where, text in wrong:
+        pairs = np.stack([surfaces.mesh[triangle[where]], surfaces.material[triangle[where]]], axis=1)
         for mesh, material in np.unique(pairs, axis=0):
             name = scene.materials[material].name
             said.append(f"{scene.meshes[mesh].name}: the {quantity} of material {name!r} {text}")
-    return tuple(said)
+    return colors, tuple(said)

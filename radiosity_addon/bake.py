@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from .appearance import appearance_of
+from .appearance import Appearance, appearance_of
 from .arrays import Bools, Float32, Float64, Int64
 from .bounces import bounce_limits, clamped, patch_light
 from .chunks import Fractions, scaled
 from .errors import SceneError
 from .form_factor import Transport, trace_transport
 from .gather import final_gather
+from .glow import glow_of
 from .illumination import (
     Exitance,
     Illumination,
@@ -25,11 +26,11 @@ from .illumination import (
     world_radiance,
 )
 from .lightmap import compose
-from .lights import direct_irradiance, lamps_of
+from .lights import Lamps, direct_irradiance, lamps_of
 from .opacity import opacity_of
 from .patches import Patches, group_patches
 from .radiosity import Solution
-from .scene import Scene
+from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
 from .sky import sky_of
@@ -91,12 +92,11 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
     solid = solid_triangles(scene, surfaces, visibility)
     texels = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
-    look, warnings = yield from log.stage("Materials", appearance_of(scene, atlas, texels, shade))
     sky = sky_of(scene.world)
-    lamps = lamps_of(scene, surfaces, () if sky is None else sky.suns)
+    suns = () if sky is None else sky.suns
+    lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
     groups = len(scene.groups)
     direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
-    look = look.without(texels, lamps.sampled)
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     opacity = opacity_of(texels, transmittance)
     if opacity is not None:
@@ -140,6 +140,17 @@ def _valid_texels(
     texels = yield from scaled(rasterize(atlas, surfaces, settings.workers), 0.0, 0.6)
     inside = yield from scaled(strata_inside(texels, solid, visibility, settings.workers), 0.6, 1.0)
     return texels.without(inside)
+
+
+def _looks(
+    scene: Scene, atlas: Atlas, texels: Texels, suns: Sequence[SunLight], shade: Shader | None
+) -> Fractions[tuple[Lamps, Appearance, tuple[str, ...]]]:
+    """What shines as a lamp, how all else looks, and warnings about what can't be as it is shown."""
+    yield 0.0
+    glow, said = glow_of(scene, texels.surfaces, shade)
+    lamps = lamps_of(scene, texels.surfaces, suns, glow)
+    look, warnings = yield from scaled(appearance_of(scene, atlas, texels, lamps.sampled, shade), 0.3, 1.0)
+    return lamps, look, said + warnings
 
 
 def _patches_for(wanted: Bools, settings: BakeSettings) -> int:

@@ -52,6 +52,7 @@ class EmitterTree:
         projected: (N,) float32, m2, the area seen along the mean normal
         spread: (N,) float32, half width of the even spread of cosines that has the variance of the normals' cone
         coherent: (N,) bool, all faces look nearly one way
+        brightness: (N,) float32, mean radiance as a share of the emitter's, or None where all shine alike
         leaves: number of the first leaf
     """
 
@@ -63,34 +64,40 @@ class EmitterTree:
     projected: Float32
     spread: Float32
     coherent: Bools
+    brightness: Float32 | None
     leaves: int
 
     @classmethod
-    def over(cls, triangles: Float64) -> EmitterTree:
-        """A tree over triangles (M, 3, 3)."""
+    def over(cls, triangles: Float64, brightness: Float64 | None = None) -> EmitterTree:
+        """A tree over triangles (M, 3, 3) of a `brightness` (M,), shares of the mean radiance, or all alike."""
         depth = max(len(triangles) - 1, 1).bit_length()
         leaves = 1 << depth
         nodes = 2 * leaves
         corners = np.zeros((leaves, 3, 3))
-        corners[halved(triangles.mean(1), depth)] = triangles
+        place = halved(triangles.mean(1), depth)
+        corners[place] = triangles
+        light = np.ones(leaves)
+        if brightness is not None:
+            light[place] = brightness
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-        area, vector, moment = np.zeros(nodes), np.zeros((nodes, 3)), np.zeros((nodes, 3))
+        area, power, vector, moment = np.zeros(nodes), np.zeros(nodes), np.zeros((nodes, 3)), np.zeros((nodes, 3))
         low, high = np.full((nodes, 3), np.inf), np.full((nodes, 3), -np.inf)
         own = slice(leaves, nodes)
         area[own], vector[own] = np.linalg.norm(cross, axis=1), cross
-        moment[own] = corners.mean(1) * area[own, None]
+        power[own] = area[own] * light
+        moment[own] = corners.mean(1) * power[own, None]
         full = area[own, None] > 0
         low[own], high[own] = np.where(full, corners.min(1), np.inf), np.where(full, corners.max(1), -np.inf)
         level = leaves // 2
         while level:
             node = slice(level, 2 * level)
             left, right = slice(2 * level, 4 * level, 2), slice(2 * level + 1, 4 * level, 2)
-            for total in (area, vector, moment):
+            for total in (area, power, vector, moment):
                 total[node] = total[left] + total[right]
             low[node], high[node] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
             level //= 2
         filled = area > 0
-        centre = moment / np.where(filled, area, 1)[:, None]
+        centre = moment / np.where(filled, power, 1)[:, None]
         length = np.linalg.norm(vector, axis=1)
         share = np.minimum(length / np.where(filled, area, 1), 1)
         reach = np.where(filled[:, None], np.maximum(high - centre, centre - low), 0)
@@ -103,6 +110,7 @@ class EmitterTree:
             projected=length.astype(np.float32),
             spread=np.sqrt(np.maximum(0.75 * (1 - (2 * share - 1) ** 2), 1e-8)).astype(np.float32),
             coherent=filled & (share > COHERENT),
+            brightness=None if brightness is None else (power / np.where(filled, area, 1)).astype(np.float32),
             leaves=leaves,
         )
 
@@ -282,6 +290,8 @@ class MeshLamp(PanelLamp):
         extent += square
         extent *= np.sqrt(square)
         light /= extent
+        if self.tree.brightness is not None:
+            light *= self.tree.brightness[nodes][:, None]
         return way, light
 
     def _near(self, triangles: Int64, p: Float32, normals: list[Float32]) -> Float32:
@@ -295,7 +305,10 @@ class MeshLamp(PanelLamp):
             corners = np.repeat(self.tree.corners[part].transpose(1, 2, 0), receivers, axis=2)
             tiled = [np.tile(rows, (1, len(part))) for rows in (p, *normals)]
             light = signed_light(corners, tiled[0], tiled[1:]).reshape(len(part), receivers)
-            total += np.where(both, np.abs(light), np.maximum(light, 0)).sum(0)
+            light = np.where(both, np.abs(light), np.maximum(light, 0))
+            if self.tree.brightness is not None:
+                light *= self.tree.brightness[self.tree.leaves + part][:, None]
+            total += light.sum(0)
         return total
 
 

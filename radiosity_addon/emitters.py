@@ -8,8 +8,9 @@ import numpy as np
 from .area_lamps import PanelLamp
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .emitter_tree import EmitterTree, MeshLamp, halved
+from .glow import Glow
 from .polygons import Polygon, convex_polygon, parallelogram
-from .scene import Material, Scene
+from .scene import RGB, Material, Scene
 from .surfaces import Surfaces
 
 POLYGONS = 16
@@ -21,30 +22,97 @@ LARGEST = 0.25
 CLEAR = 0.5
 """An emitter that lets more than this share of the light pass is a lamp whatever its size: few rays stop at it."""
 
+ALIKE = 1e-3
+"""Colours that differ by this share of the brightest only in brightness are one."""
+
 FLAT = 1e-5
 """Largest distance of a quad's fourth corner from the plane of the others, and from a parallelogram, as a share."""
 
 
-def emissive_lamps(scene: Scene, surfaces: Surfaces) -> tuple[list[PanelLamp], Bools]:
-    """Lamps that stand for emissive triangles, one for each mesh and material.
+def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -> tuple[list[PanelLamp], Bools]:
+    """Lamps that stand for emissive triangles, one for each mesh and material, or one a channel where colours vary.
+
+    Args:
+        glow: what triangles emit whose emission varies; without it they emit their material's constant
 
     Returns:
         the lamps, and (F,) which triangles they stand for; the gather finds the others
     """
     sampled = np.zeros(surfaces.count, bool)
     lamps: list[PanelLamp] = []
-    even = [any(material.emission) and "emission" not in material.varies for material in scene.materials] or [False]
-    glowing = np.flatnonzero(np.array(even)[surfaces.material] & (surfaces.area > 0))
+    emission = np.array([material.emission for material in scene.materials] or [(0, 0, 0)], np.float64)
+    bright = (emission > 0).any(1)[surfaces.material]
+    if glow is not None:
+        bright[glow.triangle] = glow.radiance.any((1, 2))
+    glowing = np.flatnonzero(bright & (surfaces.area > 0))
     owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
     for emitter in np.unique(owner):
         triangles = glowing[owner == emitter]
         material = scene.materials[surfaces.material[triangles[0]]]
         missed = np.mean(material.transmittance) > CLEAR
-        if missed or surfaces.area[triangles].sum() <= LARGEST * surfaces.area.sum():
-            lamps.append(_emitter(surfaces, triangles, polygon, material))
+        picture = glow if "emission" in material.varies else None
+        shining = surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
+        if missed or shining <= LARGEST * surfaces.area.sum():
+            if picture is not None:
+                lamps += _pictures(surfaces, triangles, picture, material)
+            else:
+                lamps.append(_emitter(surfaces, triangles, polygon, material))
             sampled[triangles] = True
+    if glow is not None:
+        sampled[glow.triangle] |= ~bright[glow.triangle]  # black all over: nothing to find there
     return lamps, sampled
+
+
+def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Material) -> list[PanelLamp]:
+    """Lamps of an emitter whose emission varies: pieces, each with its own radiance, as one lamp for each channel.
+
+    Where colours are alike but for their brightness one lamp does for all channels.
+    """
+    corners, radiance, owner = glow.pieces(triangles, surfaces.corners[triangles].astype(np.float64))
+    box: Float32 | None = None
+    if surfaces.closed[triangles].all():
+        inward, box = _body(surfaces, triangles)
+        corners[inward[owner]] = corners[inward[owner]][:, ::-1]
+    color = radiance.mean(0) / radiance.mean()
+    level = radiance.mean(1)
+    if np.abs(radiance - level[:, None] * color).max() < ALIKE * level.max():
+        return [_picture(corners, level, color, box, material.group)]
+    one = np.eye(3)
+    return [_picture(corners, radiance[:, k], one[k], box, material.group) for k in range(3) if radiance[:, k].any()]
+
+
+def _picture(corners: Float64, level: Float64, color: Float64, box: Float32 | None, group: int) -> MeshLamp:
+    """A lamp of triangles that shine at different levels; samples fall on them by the light that they give."""
+    corners, level = corners[level > 0], level[level > 0]
+    place = halved(corners.mean(1), max(len(corners) - 1, 1).bit_length())
+    order = np.argsort(place, kind="stable")
+    corners, level = corners[order], level[order]
+    edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    cross = np.cross(edge_u, edge_v)
+    size = np.linalg.norm(cross, axis=1)
+    mean = float((size * level).sum() / size.sum())
+    weight = size * level / mean
+    return MeshLamp(
+        strength=_rgb(color * mean),
+        polygons=(),
+        corner=corners[:, 0].astype(np.float32),
+        edge_u=edge_u.astype(np.float32),
+        edge_v=edge_v.astype(np.float32),
+        normal=(cross / np.maximum(size, 1e-300)[:, None]).astype(np.float32),
+        ends=(np.cumsum(weight) / weight.sum()).astype(np.float32),
+        shape="triangle",
+        area=float(weight.sum() / 2),
+        two_sided=True,
+        box=box,
+        shadow=True,
+        group=group,
+        tree=EmitterTree.over(corners, level / mean),
+    )
+
+
+def _rgb(values: Float64) -> RGB:
+    return (float(values[0]), float(values[1]), float(values[2]))
 
 
 def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Material) -> PanelLamp:

@@ -17,6 +17,7 @@ from .area_lamps import area_lamp
 from .arrays import Bools, Float32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .emitters import emissive_lamps
+from .glow import Glow
 from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .penumbra import smooth_penumbrae
@@ -65,14 +66,15 @@ class Lamps:
     sampled: Bools
 
 
-def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = ()) -> Lamps:
+def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), glow: Glow | None = None) -> Lamps:
     """The scene's lights, emissive surfaces and bright pieces of the sky as lamps.
 
     Args:
         scene: with positions relative to `surfaces.origin`, as `scene.moved(-surfaces.origin)` gives them
+        glow: what triangles emit whose emission varies
     """
     lights = [_lamp(light, surfaces) for light in (*scene.lights, *suns)]
-    emitters, sampled = emissive_lamps(scene, surfaces)
+    emitters, sampled = emissive_lamps(scene, surfaces, glow)
     return Lamps(tuple(lamp for lamp in [*lights, *emitters] if any(lamp.strength)), sampled)
 
 

@@ -52,7 +52,7 @@ def two_squares(*materials: Material) -> Scene:
 def look_of(scene: Scene, shade: Pictures | None) -> tuple[Appearance, tuple[str, ...], Texels]:
     atlas = cell_atlas(scene, 32)
     texels = finish(rasterize(atlas, flatten(scene)))
-    return (*finish(appearance_of(scene, atlas, texels, shade)), texels)
+    return (*finish(appearance_of(scene, atlas, texels, np.zeros(texels.surfaces.count, bool), shade)), texels)
 
 
 def of_square(number: int, texels: Texels) -> Bools:
