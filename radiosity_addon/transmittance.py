@@ -144,6 +144,8 @@ def _asked(scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cell
     )
     page = shader(layout, meshes, "transmittance")[0].reshape(-1, 3)
     shares: Float32 = np.clip(np.nan_to_num(page.T), 0, 1).astype(np.float32)
+    for channel in shares:
+        cells.mirror(channel)
     return shares
 
 
@@ -197,6 +199,20 @@ class _Cells:
         inner, none = self.edge - 2 * self._border, np.zeros(len(self.edge))
         x, y = (self.corner + self._border[:, None]).T
         return np.stack([x, y, inner, none, none, inner]).astype(np.float32)
+
+    def mirror(self, texels: Float32) -> None:
+        """Continue what triangles show of `texels` (size * size,) beyond their longest edge, in place.
+
+        The Shader does so for the texels next to it only, all that interpolation reaches.
+        """
+        page = texels.reshape(self.size, self.size)
+        for edge in np.unique(self.edge):
+            y, x = np.nonzero(np.add.outer(np.arange(edge), np.arange(edge)) > edge)
+            own = self.corner[self.edge == edge]
+            step = max(1, BLOCK // max(len(x), 1))
+            for start in range(0, len(own), step):
+                column, row = (part[:, None] for part in own[start : start + step].T)
+                page[row + y, column + x] = page[row + edge - 1 - x, column + edge - 1 - y]
 
     def range_of(self, texels: Float32, highest: bool = False) -> Float32:
         """Lowest or highest value (K,) of `texels` (size * size,) in each cell, by halving the page again and again."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader trees read as what radiosity knows: how much a surface reflects and how much it emits.
+"""Shader trees read as what radiosity knows: how much a surface reflects, emits, and lets straight through.
 
 Constants are read here; where a texture or anything else that Blender computes takes part, the record says what varies.
 """
@@ -7,8 +7,8 @@ Constants are read here; where a texture or anything else that Blender computes 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import bpy
@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..microfacet import dielectric_fresnel, glossy_albedo, metal_fresnel
 from ..scene import MAX_REFLECTANCE, RGB, Material
 from ..shading import QUANTITIES, Quantity
-from .nodes import Groups, LinkCycle, approximate, follow, known, likely
+from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
 
 BLACK = np.zeros(3)
 WHITE = np.ones(3)
@@ -35,19 +35,24 @@ StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """What a shader socket gives: reflectance (3,) and emitted radiance (3,), W/(m2 sr)."""
+    """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each."""
 
-    reflectance: Float64
-    emission: Float64
+    reflectance: Float64 = field(default_factory=lambda: BLACK)
+    emission: Float64 = field(default_factory=lambda: BLACK)
+    transmittance: Float64 = field(default_factory=lambda: BLACK)
 
     def __add__(self, other: Shading) -> Shading:
-        return Shading(self.reflectance + other.reflectance, self.emission + other.emission)
+        return Shading(*(one + two for one, two in zip(self._parts, other._parts, strict=True)))
 
     def __mul__(self, factor: float | Float64) -> Shading:
-        return Shading(self.reflectance * factor, self.emission * factor)
+        return Shading(*(part * factor for part in self._parts))
+
+    @property
+    def _parts(self) -> tuple[Float64, ...]:
+        return self.reflectance, self.emission, self.transmittance
 
 
-NOTHING = Shading(BLACK, BLACK)
+NOTHING = Shading()
 
 
 def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -> Material:
@@ -62,12 +67,13 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
     tree = tree_of(material)
     varies: frozenset[Quantity] = frozenset()
     if tree is None:
-        shading = Shading(np.array(material.diffuse_color[:3], np.float64), BLACK)
+        shading = Shading(np.array(material.diffuse_color[:3], np.float64))
     else:
         shading, varies = read_varying(tree, warn)
     subject = f"Material {material.name!r}"
     emission = _finite(shading.emission, subject, "emission")
     reflectance = _finite(shading.reflectance, subject, "reflectance")
+    transmittance = _finite(shading.transmittance, subject, "transparency")
     if reflectance.max() > MAX_REFLECTANCE and "reflectance" not in varies:
         warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
     if min(reflectance.min(), emission.min()) < 0:
@@ -77,6 +83,7 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
         reflectance=rgb(np.clip(reflectance, 0, MAX_REFLECTANCE)),
         emission=rgb(np.maximum(emission, 0)),
         group=group if emission.any() or "emission" in varies else 0,
+        transmittance=rgb(np.clip(transmittance, 0, 1)),
         varies=varies,
     )
 
@@ -108,15 +115,20 @@ def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozens
         LinkCycle: the tree feeds back into itself
     """
     guesses = _Guesses(0), _Guesses(1)
-    first = _surface(tree, _Reader(warn, guesses[0]))
+    first = _as_rays_meet_it(tree, guesses[0], warn)
     if not guesses[0].made:
         return first, frozenset()
-    second = _surface(tree, _Reader(_say_nothing, guesses[1]))
-    differ = {
-        field.name for field in fields(Shading) if (getattr(first, field.name) != getattr(second, field.name)).any()
-    }
-    mean = _surface(tree, _Reader(_say_nothing, lambda node, name, groups: likely(node.inputs[name], groups)))
+    second = _as_rays_meet_it(tree, guesses[1])
+    differ = {part.name for part in fields(Shading) if (getattr(first, part.name) != getattr(second, part.name)).any()}
+    mean = _as_rays_meet_it(tree, lambda node, name, groups: likely(node.inputs[name], groups))
     return mean, frozenset(quantity for quantity in QUANTITIES if quantity in differ)
+
+
+def _as_rays_meet_it(tree: bpy.types.NodeTree, stand_in: StandIn, warn: Warn | None = None) -> Shading:
+    """What shadow rays are let through, and what others see."""
+    shown = _surface(tree, _Reader(warn or _say_nothing, stand_in))
+    passed = _surface(tree, _Reader(_say_nothing, stand_in, SHADOW_PATH))
+    return replace(shown, transmittance=passed.transmittance)
 
 
 def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
@@ -159,9 +171,10 @@ def _finite(values: Float64, subject: str, what: str) -> Float64:
 class _Reader:
     """Walks a tree from its output; the nodes being read tell a cycle."""
 
-    def __init__(self, warn: Warn, stand_in: StandIn) -> None:
+    def __init__(self, warn: Warn, stand_in: StandIn, path: Mapping[str, float] = LIGHT_PATH) -> None:
         self.warn = warn
         self.stand_in = stand_in
+        self.path = path
         self.reading: list[tuple[str, ...]] = []
 
     def shading(self, node: bpy.types.Node, name: str | int, groups: Groups) -> Shading:
@@ -175,14 +188,14 @@ class _Reader:
         read = READERS.get(end.node.type)
         if read is None:
             self.warn(f"{end.node.bl_label} is not read; a grey diffuse surface stands in")
-            return Shading(np.array(DEFAULT_REFLECTANCE), BLACK)
+            return Shading(np.array(DEFAULT_REFLECTANCE))
         self.reading.append(place)
         shading = read(self, end.node, inner)
         self.reading.pop()
         return shading
 
     def color(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
-        constant = known(node.inputs[name], groups)
+        constant = known(node.inputs[name], groups, self.path)
         return self.stand_in(node, name, groups) if constant is None else constant
 
     def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
@@ -200,42 +213,42 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     multiscatter = node.distribution == "MULTI_GGX"
     metallic = reader.share(node, "Metallic", groups)
     transmission = reader.share(node, "Transmission Weight", groups)
-    reflectance = BLACK
+    reflectance = passed = BLACK
     if metallic < 1:
         ior = max(reader.number(node, "IOR", groups), 1.0)
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
         gloss = glossy_albedo(roughness, dielectric_fresnel(ior, tint, 2 * level), multiscatter)
         reflectance = gloss + (1 - gloss.max()) * (1 - transmission) * base
+        # light that goes in and comes out again passes two surfaces, and is coloured once
+        passed = (1 - metallic) * (1 - gloss.max()) * transmission * np.sqrt(np.clip(base, 0, 1))
     if metallic > 0:
         metal = glossy_albedo(roughness, metal_fresnel(base, tint), multiscatter)
         reflectance = metallic * metal + (1 - metallic) * reflectance
     emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
-    shading = Shading(reflectance, emission)
+    shading = Shading(reflectance, emission, passed)
     coat = reader.share(node, "Coat Weight", groups)
     if coat > 0:
         rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
         gloss = coat * glossy_albedo(rough, dielectric_fresnel(max(ior, 1.0), WHITE), multiscatter=False)
-        shading = shading * (1 - gloss) + Shading(gloss, BLACK)
-    alpha = reader.share(node, "Alpha", groups)
-    if alpha < 1:
-        reader.warn(f"{node.name} is transparent, but casts shadows as if it were opaque")
+        shading = shading * (1 - gloss) + Shading(gloss)
     if transmission > 0:
-        reader.warn(f"{node.name} lets light through, which is ignored: it casts shadows as if it were opaque")
+        reader.warn(f"light passes {node.name} unbent")
     if reader.number(node, "Sheen Weight", groups) > 0:
         reader.warn(f"the sheen of {node.name} is ignored")
-    return shading * alpha
+    alpha = reader.share(node, "Alpha", groups)
+    return shading * alpha + Shading(transmittance=(1 - alpha) * WHITE)
 
 
 def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    return Shading(reader.color(node, "Color", groups), BLACK)
+    return Shading(reader.color(node, "Color", groups))
 
 
 def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     color = reader.color(node, "Color", groups)
     if node.distribution == "MULTI_GGX":
-        return Shading(color, BLACK)  # the facets' own losses are given back
+        return Shading(color)  # the facets' own losses are given back
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(color * glossy_albedo(roughness, metal_fresnel(WHITE, WHITE), multiscatter=False), BLACK)
+    return Shading(color * glossy_albedo(roughness, metal_fresnel(WHITE, WHITE), multiscatter=False))
 
 
 def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -243,19 +256,24 @@ def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
         reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
     fresnel = metal_fresnel(reader.color(node, "Base Color", groups), reader.color(node, "Edge Tint", groups))
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(glossy_albedo(roughness, fresnel, node.distribution == "MULTI_GGX"), BLACK)
+    return Shading(glossy_albedo(roughness, fresnel, node.distribution == "MULTI_GGX"))
 
 
 def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    reader.warn(f"{node.name} lets light through, which is ignored: it casts shadows as if it were opaque")
+    reader.warn(f"light passes {node.name} unbent")
     fresnel = dielectric_fresnel(max(reader.number(node, "IOR", groups), 1.0), WHITE)
     color = reader.color(node, "Color", groups)
-    return Shading(color * glossy_albedo(reader.share(node, "Roughness", groups), fresnel), BLACK)
+    gloss = glossy_albedo(reader.share(node, "Roughness", groups), fresnel)
+    return Shading(color * gloss, transmittance=color * (1 - gloss))
+
+
+def _refraction(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"light passes {node.name} unbent")
+    return _clear(reader, node, groups)
 
 
 def _clear(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    reader.warn(f"{node.name} is transparent, but casts shadows as if it were opaque")
-    return NOTHING
+    return Shading(transmittance=reader.color(node, "Color", groups))
 
 
 def _black(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -263,7 +281,7 @@ def _black(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
 
 
 def _emission(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    return Shading(BLACK, reader.color(node, "Color", groups) * reader.number(node, "Strength", groups))
+    return Shading(emission=reader.color(node, "Color", groups) * reader.number(node, "Strength", groups))
 
 
 def _mix(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -286,7 +304,7 @@ READERS: dict[str, Callable[[_Reader, bpy.types.Node, Groups], Shading]] = {
     "BSDF_GLOSSY": _glossy,
     "BSDF_METALLIC": _metallic,
     "BSDF_GLASS": _glass,
-    "BSDF_REFRACTION": _clear,
+    "BSDF_REFRACTION": _refraction,
     "BSDF_TRANSPARENT": _clear,
     "HOLDOUT": _black,
     "EMISSION": _emission,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 import bpy
@@ -69,14 +69,18 @@ def _by_identifier(sockets: bpy.types.bpy_prop_collection, like: bpy.types.NodeS
     return next(socket for socket in sockets if socket.identifier == like.identifier)
 
 
-def known(socket: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:
-    """The constant that an input receives, (3,), numbers repeated; None where it is computed."""
+def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float] = LIGHT_PATH) -> Float64 | None:
+    """The constant that an input receives, (3,), numbers repeated; None where it is computed.
+
+    Args:
+        path: what the rays are, by output of the Light Path node
+    """
     end, groups = follow(socket, groups)
     if not end.is_output or end.node.type in ("RGB", "VALUE"):
         return _default(end)
     if end.node.type == "LIGHT_FALLOFF":
         return _falloff(end, groups)
-    return np.full(3, LIGHT_PATH.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
+    return np.full(3, path.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
 
 
 def _falloff(output: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:

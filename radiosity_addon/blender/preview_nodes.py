@@ -102,6 +102,15 @@ class Arithmetic:
             return 1 - a[0], 1 - a[1], 1 - a[2]
         return self._math("SUBTRACT", WHITE, a)
 
+    def root(self, a: Color) -> Color:
+        """The square root of a colour."""
+        if isinstance(a, tuple):
+            return a[0] ** 0.5, a[1] ** 0.5, a[2] ** 0.5
+        node = self.node("ShaderNodeGamma")
+        node.inputs["Gamma"].default_value = 0.5
+        self.tree.links.new(a, node.inputs["Color"])
+        return node.outputs["Color"]
+
     def clamped(self, a: Color) -> Color:
         """The colour, each channel held within 0..1."""
         if isinstance(a, tuple):
@@ -271,7 +280,7 @@ class ShaderReader(Arithmetic):
         return self.multiply(self.color(color), self.number(strength))
 
     def _transmission(self, node: bpy.types.Node, color: bpy.types.NodeSocket) -> Color:
-        """What glass lets pass, unbent: a pane in front of a baked room is looked through."""
+        """What glass lets pass, unbent: a pane in front of a baked room is looked through. Two surfaces colour once."""
         if node.type == "BSDF_REFRACTION":
             return self.color(color)
         if node.type == "BSDF_GLASS":
@@ -282,7 +291,9 @@ class ShaderReader(Arithmetic):
             if weight == BLACK:
                 return BLACK
             dielectric = self.complement(self.clamped(self.number(node.inputs["Metallic"])))
-            return self.multiply(self.multiply(weight, dielectric), self.color(color))
+            gloss = max(Sampler(self.groups).reflectance(node, {color.name: BLACK, "Metallic": BLACK}))
+            passed = self.multiply(self.root(self.clamped(self.color(color))), (1 - gloss, 1 - gloss, 1 - gloss))
+            return self.multiply(self.multiply(weight, dielectric), passed)
         return BLACK
 
     def _read_group(self, node: bpy.types.Node, output: bpy.types.NodeSocket) -> Look:
