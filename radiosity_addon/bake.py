@@ -42,6 +42,7 @@ from .transmittance import transmittance_of
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
+from .walls import Walls, find_walls
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     transmittance = transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
     visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
     solid = solid_triangles(scene, surfaces, visibility)
-    texels = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
+    texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
     sky = sky_of(scene.world)
     suns = () if sky is None else sky.suns
     lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
@@ -101,8 +102,10 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     opacity = opacity_of(texels, transmittance)
     if opacity is not None:
         look = look.stopped(opacity)
-    aimed = _patches_for(wanted, settings)
-    patches = group_patches(texels, look.reflectance, np.pi * look.emission, solid, aimed, opacity)
+    aimed, emission = _patches_for(wanted, settings), np.pi * look.emission
+    patches = group_patches(
+        texels, walls, look.reflectance, emission, solid, aimed, visibility, settings.workers, opacity
+    )
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, sky))
     from_sky = sky_irradiance(transport, scene)
     exitance = first_exitance(patches, look, direct, from_sky, lamps, visibility, groups)
@@ -136,10 +139,12 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
 
 def _valid_texels(
     atlas: Atlas, surfaces: Surfaces, solid: Bools, visibility: Visibility, settings: BakeSettings
-) -> Fractions[Texels]:
-    texels = yield from scaled(rasterize(atlas, surfaces, settings.workers), 0.0, 0.6)
-    inside = yield from scaled(strata_inside(texels, solid, visibility, settings.workers), 0.6, 1.0)
-    return texels.without(inside)
+) -> Fractions[tuple[Texels, Walls]]:
+    texels = yield from scaled(rasterize(atlas, surfaces, settings.workers), 0.0, 0.5)
+    inside = yield from scaled(strata_inside(texels, solid, visibility, settings.workers), 0.5, 0.8)
+    texels = texels.without(inside)
+    walls = yield from scaled(find_walls(texels, visibility, settings.workers), 0.8, 1.0)
+    return texels, walls
 
 
 def _looks(

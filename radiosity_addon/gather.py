@@ -12,7 +12,7 @@ import numpy as np
 
 from .arrays import Bools, Float32
 from .chunks import Fractions, scaled
-from .gather_points import coarsest_width, place_points
+from .gather_points import coarsest_width, part_at_walls, place_points
 from .gather_rays import GatherRays
 from .illumination import Illumination
 from .irradiance_fit import fit_irradiance
@@ -41,6 +41,7 @@ def final_gather(
     bright = light.radiance(len(light.passes) - 1, patches)
     rays = GatherRays(texels, patches, visibility, settings, bright.sum(1))
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
+    points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
     del bright
     irradiance = np.zeros((points.count, 0), np.float32)

@@ -17,6 +17,8 @@ from .arrays import Bools, Float32, Int32, Int64
 from .chunks import Fractions, scaled
 from .patches import mixed_radix
 from .texels import Texels
+from .visibility import Visibility
+from .walls import Walls, part_cells
 
 LEVELS = 6
 """Widths halve from level to level."""
@@ -138,6 +140,18 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         open_texels = np.sort(members[np.repeat(split, size)])
     texel = np.concatenate(places) if places else np.zeros(0, np.int64)
     return GatherPoints(texel, widths.astype(np.float32), nearest.astype(np.float32), cell)
+
+
+def part_at_walls(
+    points: GatherPoints, texels: Texels, walls: Walls, eyes: Eyes, visibility: Visibility, workers: int
+) -> Fractions[GatherPoints]:
+    """Give the texels of each cell that its point can't see a point of their own."""
+    parting = part_cells(points.cell, points.texel, walls.border, texels, visibility, workers)
+    cell, seat = yield from scaled(parting, 0, 0.5)
+    new = seat[points.count :]
+    width = points.width[points.cell[new]]
+    _, nearest, _ = yield from scaled(eyes.look(new, np.ones(len(new), bool)), 0.5, 1)
+    return GatherPoints(seat, np.concatenate([points.width, width]), np.concatenate([points.nearest, nearest]), cell)
 
 
 @dataclass(frozen=True, eq=False)

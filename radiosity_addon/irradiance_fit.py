@@ -12,9 +12,10 @@ import numpy as np
 from .arrays import Float32, Int32, Int64
 from .chunks import Fractions, in_chunks
 from .gather_points import GatherPoints
-from .neighbours import GROWTH, REACH, Neighbours, lift
+from .neighbours import GROWTH, REACH, Neighbours
 from .texels import Texels
 from .visibility import Visibility
+from .walls import hidden
 
 SLOPE_DAMPING = 0.01
 """Added to the normalised second moments: slopes fade out where points are too few to tell them."""
@@ -62,7 +63,7 @@ def fit_irradiance(
         weight[lonely, 0] = 1
         values = irradiance[plane.point]
         fitted = _fit(weight, x, y, reach, values, row)
-        result[texel] = _kept_in_range(fitted, values, row)
+        result[texel] = _kept_in_range(fitted, weight, values, row)
 
     yield from in_chunks(work, len(taking), TEXELS, workers)
     return result
@@ -107,8 +108,8 @@ class _Plane:
         return x, y
 
 
-def _kept_in_range(fitted: Float32, values: Float32, row: Int64) -> Float32:
-    """`fitted` (T, C), its brightness kept near that of values (cells, K, C) of cells row (T,).
+def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64) -> Float32:
+    """`fitted` (T, C), its brightness kept near that of values (cells, K, C), weights (T, K), of cells row (T,).
 
     Brightness is the sum of all columns, so that light groups add up.
     """
@@ -116,7 +117,8 @@ def _kept_in_range(fitted: Float32, values: Float32, row: Int64) -> Float32:
     low, high = bright.min(1), bright.max(1)
     slack = OVERSHOOT * (high - low)
     lost = np.flatnonzero(fitted.sum(1) <= 0)
-    fitted[lost] = values.mean(1)[row[lost]]
+    share = weight[lost] / weight[lost].sum(1)[:, None]
+    fitted[lost] = np.einsum("tk,tkc->tc", share, values[row[lost]])
     total = fitted.sum(1)
     wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
     fitted *= (wanted / np.where(total > 0, total, 1))[:, None]
@@ -145,15 +147,7 @@ def _leave_out_hidden(
     """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see."""
     row, column = np.nonzero(weight[crowded] > 0)
     row = crowded[row]
-    here, there = texel[row], beside[row, column]
-    normal, other = texels.shading_normal[here], texels.shading_normal[there]
-    start = texels.position[here]
-    span = texels.position[there] - start
-    distance = np.sqrt(np.einsum("ij,ij->i", span, span))
-    up = lift(distance, np.einsum("ij,ij->i", normal, other), texels.surfaces.offset)
-    start += normal * up
-    span += (other - normal) * up
-    blocked = visibility.occluded(start, span) & (here != there)
+    blocked = hidden(texels, texel[row], beside[row, column], visibility)
     weight[row[blocked], column[blocked]] = 0
 
 

@@ -12,6 +12,7 @@ from .chunks import Fractions, in_chunks
 from .gather_points import GatherPoints
 from .texels import Texels
 from .visibility import Visibility
+from .walls import lift
 
 REACH = 1.6
 """A point counts for texels within this many widths of the cells around them."""
@@ -33,9 +34,6 @@ CELL_RADIUS = 0.75
 
 LEVELS_APART = 2
 """Points of cells up to 2^2 times wider or narrower count."""
-
-CLEARANCE = 0.005
-"""Height above a flat surface, as a share of the distance, at which two points must see each other."""
 
 CROWDED = 0.75
 """A cell is crowded if another surface comes nearer than this many of its widths."""
@@ -121,16 +119,6 @@ def _by_cell(cell: Int64, beyond: Float32) -> Int64:
 def _rank(cell: Int64) -> Int64:
     """How many equal numbers come before each, in sorted ones."""
     return np.arange(len(cell)) - np.searchsorted(cell, cell, side="left")
-
-
-def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
-    """Height (R, 1), m, at which points so far apart, with so much between their normals, must see each other.
-
-    The chord of an arc between normals at an angle t sags by distance * tan(t / 4) / 2.
-    """
-    sag = np.sqrt(np.maximum(1 - cosine, 0) / 8) / 2  # about t / 8
-    height = distance * (sag * np.float32(1.2) + np.float32(CLEARANCE)) + np.float32(offset)
-    return np.asarray(height[:, None], np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
+from .chunks import finish
 from .coverage import ragged
 from .opacity import Opacity
 from .sampling import even_uniform
 from .surfaces import BLOCK
 from .texels import BITS, STRATA, Texels
-from .visibility import Hits
+from .visibility import Hits, Visibility
+from .walls import Walls, hidden, part_cells
 
 SKY = -1
 """A ray that left the scene."""
@@ -51,6 +53,7 @@ class Patches:
         of_element: (T + N,) int32, patch of each element; NOTHING for invalid texels
         back: (T,) int32, patch behind each texel, NOTHING for solids
         texels: the texels
+        walls: where walls stand on them
         sides: (N,) float32, 1 for fronts, -1 for backs
         stopping: (T,) float32, m2, area of texels that stops light
     """
@@ -63,6 +66,7 @@ class Patches:
     sides: Float32
     texels: Texels
     stopping: Float32
+    walls: Walls
     _start: Int32
     _number: Int32
     _strata: Int32
@@ -92,6 +96,7 @@ class Patches:
     def elements(self, hits: Hits) -> Int32:
         """The element (R,) that each ray met."""
         found = self.texels.at(hits.triangle, hits.u, hits.v)
+        found[self.walls.behind(self.texels, found, hits)] = NOTHING
         found[found < 0] = NOTHING
         behind = np.flatnonzero(~hits.front & (found >= 0))
         back = self.back[found[behind]]
@@ -119,13 +124,18 @@ class Patches:
 
 def group_patches(
     texels: Texels,
+    walls: Walls,
     reflectance: Float32,
     emission: Float32,
     solid: Bools,
     target: int,
+    visibility: Visibility,
+    workers: int = 1,
     opacity: Opacity | None = None,
 ) -> Patches:
-    """Group texels into about `target` patches; those that stop no light are in none.
+    """Group texels into about `target` patches, none of which lies on both sides of a wall.
+
+    Texels that stop no light are in none.
 
     Args:
         reflectance: (T, 3) float32, of light that is stopped
@@ -138,8 +148,20 @@ def group_patches(
     extent = float(texels.area[taking].sum(dtype=np.float64))
     width = float(np.sqrt(extent / max(target, 1))) or 1.0
     hollow = ~solid[texels.triangle[:, 0][taking]]
-    front, fronts = _cells(texels, taking, width)
-    behind, backs = _cells(texels, taking[hollow], width * BACK_COARSENESS)
+
+    def parted(cell: Int32, count: int, chosen: Int32, first: Bools, side: int) -> tuple[Int32, int]:
+        """Cells that no wall crosses."""
+        seat = np.empty(count, np.int64)
+        seat[cell] = chosen  # any of its texels
+        whole = np.full(texels.count, -1, np.int32)
+        whole[chosen] = cell
+        whole, seat = finish(part_cells(whole, seat, first, texels, visibility, workers, side))
+        return whole[chosen], len(seat)
+
+    row, column = np.divmod(texels.pixel, texels.size)
+    some = ((row + column) & 1) == 0  # of backs, as on a chessboard: walls were looked for on fronts
+    front, fronts = parted(*_cells(texels, taking, width), taking, walls.border, 1)
+    behind, backs = parted(*_cells(texels, taking[hollow], width * BACK_COARSENESS), taking[hollow], some, -1)
     count = fronts + backs
 
     members = np.concatenate([front, behind + np.int32(fronts)])
@@ -153,7 +175,7 @@ def group_patches(
     of_element = np.full(texels.count + count, NOTHING, np.int32)
     of_element[taking] = front
     of_element[texels.count :] = np.arange(count)
-    _join_lonely(of_element, texels)
+    _join_lonely(of_element, texels, visibility)
     back = np.full(texels.count, NOTHING, np.int32)
     back[taking[hollow]] = members[len(taking) :]
     number, strata = _strata_lists(_sending(texels, opacity), members, owners, count)
@@ -166,6 +188,7 @@ def group_patches(
         sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
         texels=texels,
         stopping=stopping,
+        walls=walls,
         _start=(np.cumsum(number) - number).astype(np.int32),
         _number=number,
         _strata=strata,
@@ -240,8 +263,8 @@ def _runs(values: Int64 | Int32) -> tuple[Int64, Int64]:
     return begin, np.diff(np.append(begin, len(values)))
 
 
-def _join_lonely(of_element: Int32, texels: Texels) -> None:
-    """Give valid texels without area of their own, beside charts, the patch of the texel next to them."""
+def _join_lonely(of_element: Int32, texels: Texels, visibility: Visibility) -> None:
+    """Give valid texels without area of their own, beside charts, the patch of a texel next to them that they see."""
     lonely = np.flatnonzero(texels.valid & (of_element[: texels.count] < 0))
     known = of_element[: texels.count].copy()
     last = len(texels.texel_at) - 1
@@ -249,6 +272,8 @@ def _join_lonely(of_element: Int32, texels: Texels) -> None:
     for step in (1, -1, size, -size, size + 1, size - 1, 1 - size, -1 - size):
         beside = texels.texel_at[np.clip(texels.pixel[lonely] + step, 0, last)]
         found = np.where(beside >= 0, known[beside], NOTHING)
+        walled = np.flatnonzero(texels.crossed[lonely] & (found >= 0))
+        found[walled[hidden(texels, lonely[walled], beside[walled], visibility)]] = NOTHING
         of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
 
 

@@ -63,6 +63,7 @@ class Texels:
         normal: (T, 3) float32, unit geometric normal
         shading_normal: (T, 3) float32, unit
         valid: (T,) bool, takes part in the light; the others are filled from their neighbours
+        crossed: (T,) bool, a thin wall stands on or beside it, so that points stay at the strata's centres
         lookup: (6, F) float32, texel coordinates x0, y0, dx/du, dx/dv, dy/du, dy/dv of each triangle
         page: (F,) int32, page of each triangle
         surfaces: the triangles
@@ -80,6 +81,7 @@ class Texels:
     normal: Float32
     shading_normal: Float32
     valid: Bools
+    crossed: Bools
     lookup: Float32
     page: Int32
     surfaces: Surfaces
@@ -101,7 +103,7 @@ class Texels:
         if sample.max(initial=0) < STRATA:
             return self.stratum_points(stratum)
         triangle, weights = self._strata(stratum)
-        turn = np.where(self.covered[texels] > 0, sample >> 2, 0)
+        turn = np.where((self.covered[texels] > 0) & ~self.crossed[texels], sample >> 2, 0)
         return self.surfaces.points(triangle, self._shifted(weights, triangle, turn)), triangle
 
     def stratum_points(self, stratum: Int64 | Int32) -> tuple[Float32, Int32]:
@@ -176,6 +178,14 @@ class Texels:
         for start in range(0, len(changed), TEXEL_CHUNK):
             self._leave_out(changed[start : start + TEXEL_CHUNK], inside)
         return self
+
+    def stand_at(self, changed: Int64, others: Int32 | Int64) -> None:
+        """Let texels stand in one point, the first stratum of `others`, all (C,): changes these texels."""
+        self.triangle[changed] = self.triangle[others, :1]
+        self.barycentric[changed] = self.barycentric[others, :1]
+        self.position[changed], self.normal[changed], self.shading_normal[changed] = _means(
+            self.surfaces, self.triangle[changed], self.barycentric[changed]
+        )
 
     def _leave_out(self, changed: Int64, inside: Bools) -> None:
         before = self.covered[changed]
@@ -315,6 +325,7 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
         normal=normal,
         shading_normal=shading,
         valid=np.ones(count, bool),
+        crossed=np.zeros(count, bool),
         lookup=np.stack(lookup).astype(np.float32),
         page=page,
         surfaces=surfaces,

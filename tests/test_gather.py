@@ -11,7 +11,7 @@ import pytest
 from radiosity_addon.arrays import Float32, Int64
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import Fractions, finish
-from radiosity_addon.gather_points import GatherPoints, place_points
+from radiosity_addon.gather_points import GatherPoints, part_at_walls, place_points
 from radiosity_addon.gather_rays import BELOW, RayCounts, Tally
 from radiosity_addon.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
 from radiosity_addon.irradiance_fit import OVERSHOOT, fit_irradiance
@@ -22,6 +22,7 @@ from radiosity_addon.settings import BakeSettings
 from radiosity_addon.surfaces import flatten
 from radiosity_addon.texels import Texels, rasterize
 from radiosity_addon.visibility import Visibility
+from radiosity_addon.walls import find_walls
 from tests.shapes import box, cell_atlas, mesh_of, quad
 
 GREY = (Material("Grey"),)
@@ -211,11 +212,14 @@ def test_nothing_lit_needs_no_point() -> None:
 
 
 def fitted(
-    texels: Texels, values: Callable[[Float32], Float32], base: float = 0.25, workers: int = 1
+    texels: Texels, values: Callable[[Float32], Float32], base: float = 0.25, workers: int = 1, harmonic: float = 0.6
 ) -> tuple[Float32, GatherPoints, Neighbours]:
     """Irradiance (T, 1) from `values` at the positions (P, 3) of points."""
     visibility = Visibility(texels.surfaces.corners)
-    points = placed(texels, base, lambda position: np.float32(0.6))
+    walls = finish(find_walls(texels, visibility, workers))
+    near = Blind(texels, lambda position: np.float32(harmonic))
+    points = finish(place_points(texels, texels.valid, base, 0.07, near))
+    points = finish(part_at_walls(points, texels, walls, near, visibility, workers))
     neighbours = finish(find_neighbours(texels, points, visibility, workers))
     irradiance = np.asarray(values(texels.position[points.texel]), np.float32).reshape(points.count, -1)
     return (
@@ -266,9 +270,30 @@ def test_light_does_not_cross_a_wall_on_the_way_to_texels() -> None:
     found, _, _ = fitted(texels, lambda position: position[:, 0] < wall)
     ground = texels.normal[:, 2] > 0.5
     side = texels.position[:, 0] - wall
-    assert found[ground & (side < -0.04), 0].min() > 0.999
-    apart = texels.position[:, 0] > 0  # beyond the cells that the screen parts, whose few texels there have no point
-    assert found[ground & apart, 0].max() < 0.001
+    assert found[ground & (side < 0), 0].min() > 0.999
+    assert found[ground & (side > 0), 0].max() < 0.001
+
+
+def test_each_texel_takes_only_points_that_it_sees_past_the_end_of_a_wall() -> None:
+    """What a cell's point sees around the end of a screen, some of the cell's texels do not: each asks for itself."""
+    x, y = 1.9, 2.0  # the screen leads along this x, up to this y
+    screen = mesh_of("Screen", [quad((x, 0, 0), (0, y, 0), (0, 0, 2))], [0])
+    texels = floor(screen)
+    found, points, _ = fitted(texels, lambda p: p[:, 0] < x - texels.surfaces.origin[0], base=0.5, harmonic=FAR)
+    place = (texels.position + texels.surfaces.origin)[:, :2]
+    bright = place[points.texel][place[points.texel, 0] < x]
+    shaded = np.flatnonzero((texels.normal[:, 2] > 0.5) & (place[:, 0] > x + 0.01) & (place[:, 1] < y - 0.03))
+    reach = 2.5 * points.width.max()
+
+    def sees_light(spot: Float32) -> bool:
+        gap = bright - spot
+        crossing = spot[1] + gap[:, 1] * (x - spot[0]) / gap[:, 0]  # where the line of sight meets the screen's line
+        return bool(((crossing > y - 0.01) & (np.linalg.norm(gap, axis=1) < reach)).any())
+
+    dark = np.array([texel for texel in shaded if not sees_light(place[texel])])
+    assert len(dark) > 100
+    assert found[dark, 0].max() == 0
+    assert found[shaded, 0].max() > 0.05, "others see around the end"
 
 
 def test_neighbours_and_fits_are_the_same_for_any_number_of_threads() -> None:

@@ -12,6 +12,7 @@ from radiosity_addon.scene import Material, Scene
 from radiosity_addon.surfaces import flatten
 from radiosity_addon.texels import rasterize
 from radiosity_addon.visibility import Visibility
+from radiosity_addon.walls import Walls
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
@@ -25,7 +26,9 @@ def grouped(texels, target=300, solid=False):
     """Patches whose reflectance is the texel's height, and without emission."""
     height = np.repeat(texels.position[:, 2:], 3, axis=1)
     solid = np.broadcast_to(solid, texels.surfaces.count)
-    return group_patches(texels, height, np.zeros_like(height), solid, target)
+    visibility = Visibility(texels.surfaces.corners)
+    walls = Walls(np.zeros(texels.count, bool), np.zeros(0, np.int32), np.zeros((0, 4, 4), np.float32))
+    return group_patches(texels, walls, height, np.zeros_like(height), solid, target, visibility)
 
 
 def hits_of(texels, origins, directions):
