@@ -13,7 +13,7 @@ from .arrays import Bools, Float32, Float64, Int64
 from .bounces import bounce_limits, clamped, patch_light
 from .chunks import Fractions, scaled
 from .errors import SceneError
-from .form_factor import Transport, trace_transport
+from .form_factor import trace_transport
 from .gather import final_gather
 from .glow import glow_of
 from .illumination import (
@@ -39,6 +39,7 @@ from .stages import Progress, Stage, StageLog
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
 from .transmittance import transmittance_of
+from .transport import Transport
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
@@ -69,6 +70,9 @@ class Baked:
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...]
 
+
+PAIRED_PATCHES = 1200
+"""Patches where every pair is looked at: work grows with their square."""
 
 LEAST_PATCHES = 2500
 """Patches of the smallest scenes: fewer would save no time worth having."""
@@ -160,6 +164,8 @@ def _looks(
 
 def _patches_for(wanted: Bools, settings: BakeSettings) -> int:
     """Patches to aim at: their light is smooth, so their number grows slower than that of texels."""
+    if settings.form_factors == "area":
+        return PAIRED_PATCHES
     return max(LEAST_PATCHES, int(settings.steps.patches * np.sqrt(np.count_nonzero(wanted) / 1e6)))
 
 

@@ -16,12 +16,12 @@ import numpy as np
 
 from .arrays import Float32, Float64
 from .chunks import Fractions
-from .form_factor import Transport
 from .illumination import Exitance, PatchLight
 from .patches import Patches
 from .radiosity import Solution
 from .scene import Scene
 from .settings import BakeSettings
+from .transport import Transport
 
 NONE_REFLECTED = -1
 """Bounces at which surfaces only show light of their own."""

@@ -24,7 +24,7 @@ from .color.spaces import SPACES
 from .errors import BakeError, OutputError, SceneError, explained
 from .page_format import COMPRESSIONS, DEPTHS, FORMATS, TRANSFERS, PageFormat
 from .progress import Meter, short_count
-from .settings import QUALITIES, SOLVER_NAMES, BakeSettings
+from .settings import FORM_FACTOR_NAMES, QUALITIES, SOLVER_NAMES, BakeSettings
 
 if TYPE_CHECKING:
     from .report import Report
@@ -50,6 +50,7 @@ class Verb:
     density: float | None = None
     page_size: int | None = None
     quality: str | None = None
+    form_factors: str | None = None
     solver: str | None = None
     tolerance: float | None = None
     bounces: str | int | None = None
@@ -109,6 +110,12 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     bake.add_argument("--textures", type=Path, metavar="DIR", help="folder of the pages; default: BAKED_textures")
     _add_density(bake)
     bake.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
+    bake.add_argument(
+        "--form-factors",
+        choices=FORM_FACTOR_NAMES,
+        help="how they are estimated: by cosine-distributed rays, through hemicubes, or by the double-area integral; "
+        f"default: {BakeSettings.form_factors}",
+    )
     bake.add_argument(
         "--solver",
         choices=SOLVER_NAMES,

@@ -1,166 +1,165 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The exchange of light between patches: form factors from cosine-distributed rays, traced once.
+"""Estimators of form factors: which share of the light that leaves one patch reaches each other one.
 
-Rays alone give F[i, j] and F[j, i] that contradict each other within their noise. The solvers need an operator
-that is reciprocal and keeps energy, so both estimates of a pair are joined and the whole is balanced.
+Rays from a patch, spread evenly over it, tell at once of all that it sees: the share of them that meets patch j is
+F[i, j]. Whereto they go is the choice: cosine-distributed, as the Nusselt analog has it, or through the cells of a
+hemicube. The double-area integral is taken pair by pair instead (pairs.py); rays then only tell what escapes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from .arrays import Float32, Float64, Int32, Int64
-from .chunks import finish, in_chunks, scaled
-from .patches import NOTHING, SKY, Patches
-from .sampling import cosine_directions, even_uniform
+from .chunks import Fractions, in_chunks, scaled
+from .hemicube import hemicube, resolution_for
+from .pairs import exchange_of_pairs
+from .patches import SKY, Patches
+from .sampling import cosine_directions, even_uniform, hash_uniform
 from .settings import BakeSettings
 from .sky import Sky, cells
+from .transport import Transport, View, closed, join_hits
 from .visibility import Visibility, passing_chance
 
 TRACED_RAYS = 16384
 """Rays of patches of mean size that are traced at once: their arrays, 2 MB, stay in cache."""
 
-MERGED_HITS = 1 << 20
-"""Hits that are sorted at once, 20 MB."""
-
-SUMMED_ENTRIES = 1 << 18
-"""Entries of the exchange that one thread takes at a time: 1 ms of work."""
-
-BLOCK_ENTRIES = 1 << 15
-"""Entries of the exchange that are multiplied at once: 0.6 MB, in cache; larger ones cost four times as much."""
-
-SMALL_SHARE = 0.25
-"""Below this share of all entries, light is sent along the rows that shoot; above, every patch gathers."""
-
-MOST_SWEEPS = 60
-"""Sweeps of the balancing; a room takes about 20, a few patches that hardly see each other take more."""
-
-BALANCED = 1e-7
-"""Relative error of the row sums at which balancing stops; float32 entries hold no more."""
-
-STALL_SWEEPS = 4
-STALLED = 0.9
-"""Balancing ends, after four times as many sweeps, when so many have not brought the error below this share of what it
-was: two patches in a narrow gap that see each other alone, of unlike areas, can't both be right, and never will."""
-
-BALANCING_POWER = 0.75
-"""Exponent of a balancing step. Errors shrink by 1 - power (1 + w) for eigenvalues w of F: 1/2 settles alternating
-errors in one step, but smooth ones (w near 0) slowly; 3/4 treats w in [-1/3, 1], where those of rooms lie, alike."""
-
-SLACK_RAYS = 8
-"""A row's sum may give way in balancing as if by so many rays. 8 to 16 serve alike; more make the sky's share noisy."""
+RAYS_OF_A_POINT = 16
+"""Of the rays that a patch would send, so many pay for one of its points in the double-area integral."""
 
 
-@dataclass(frozen=True, eq=False)
-class Transport:
-    """How N patches exchange light: K = A F, symmetric and sparse, row by row.
-
-    K[i, j] = area[i] F[i, j], with F[i, j] the share of what leaves patch i that reaches patch j.
-
-    Attributes:
-        area: (N,) float64, m2
-        first: (N + 1,) int64, where the entries of each row begin
-        column: (P,) int32, rising within a row
-        exchange: (P,) float32, m2, entries of K
-        escaped: (N,) float64, share of what leaves a patch that reaches no patch: 1 less its row's sum of F
-        sky: (N,) float64, share of a patch's view that is sky: as `escaped`, but 0 where a patch is buried
-        rays: (N,) int64, rays that a row was estimated from
-        workers: threads
-        sky_tint: (N, 3) float64, what the sky's light on a patch is multiplied with, on average, for passing surfaces
-        sky_radiance: (N, 3) float64, W/(m2 sr), mean of the sky's cells over the rays of a patch that left
-    """
-
-    area: Float64
-    first: Int64
-    column: Int32
-    exchange: Float32
-    escaped: Float64
-    sky: Float64
-    rays: Int64
-    workers: int = 1
-    sky_tint: Float64 = field(default_factory=lambda: np.ones((1, 3)))
-    sky_radiance: Float64 | float = 0.0
+class RayPattern(Protocol):
+    """Whereto patches send rays, and what each counts."""
 
     @property
-    def count(self) -> int:
-        return len(self.area)
+    def weights(self) -> Float64 | None:
+        """(C,) float64, what each ray of a patch counts, 1 on average, where all send C; None: 1 each."""
+        ...
 
-    def gather(self, radiosity: Float64) -> Float64:
-        """Power (N, C), W, that every patch receives when all leave `radiosity` (N, C), W/m2: K @ radiosity.
+    def counts(self, area: Float64) -> Int64:
+        """Rays (N,) of patches of `area` (N,), m2."""
+        ...
 
-        Each row is summed in float64 in its own order, whatever the number of threads.
-        """
-        columns = np.ascontiguousarray(radiosity.T, np.float64)
-        return _row_sums(self.first, self.column, self.exchange, columns, self.workers).T
+    def directions(self, normals: Float32, ids: Int32, sample: Int64) -> Float32:
+        """Unit directions (R, 3) of the samples (R,) of patches `ids` (R,)."""
+        ...
 
-    def scatter(self, rows: Int64, radiosity: Float64) -> Float64:
-        """Power (N, C), W, that every patch receives when `rows` (S,) leave `radiosity` (S, C), W/m2."""
-        lengths = self.first[rows + 1] - self.first[rows]
-        total = int(lengths.sum())
-        if total > SMALL_SHARE * len(self.column):
-            everywhere = np.zeros((self.count, radiosity.shape[1]))
-            everywhere[rows] = radiosity
-            return self.gather(everywhere)
-        entries = np.arange(total) + np.repeat(self.first[rows] - (np.cumsum(lengths) - lengths), lengths)
-        column, exchange = self.column[entries], self.exchange[entries]
-        received = [
-            np.bincount(column, weights=exchange * np.repeat(channel, lengths), minlength=self.count)
-            for channel in np.asarray(radiosity, np.float64).T
-        ]
-        return np.stack(received, axis=1)
 
-    def dense(self) -> Float64:
-        """K as an (N, N) matrix, m2; for small N."""
-        matrix = np.zeros((self.count, self.count))
-        matrix[np.repeat(np.arange(self.count), np.diff(self.first)), self.column] = self.exchange
-        return matrix
+@dataclass(frozen=True)
+class NusseltRays:
+    """Cosine-distributed rays: Sobol points on the unit disc, lifted to the hemisphere (Malley 1988).
+
+    Attributes:
+        mean: rays of a patch of mean area
+    """
+
+    mean: int
+    weights: Float64 | None = None
+
+    def counts(self, area: Float64) -> Int64:
+        """About `mean` rays; they grow with the root of the area."""
+        return ray_counts(area, self.mean)
+
+    def directions(self, normals: Float32, ids: Int32, sample: Int64) -> Float32:
+        """Density cos / pi."""
+        return cosine_directions(normals, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
+
+
+class HemicubeRays:
+    """One ray through each cell of a hemicube, which stands turned by another angle on each patch."""
+
+    def __init__(self, resolution: int) -> None:
+        self._cube = hemicube(resolution)
+        self.weights: Float64 | None = self._cube.weights * len(self._cube.weights)
+
+    def counts(self, area: Float64) -> Int64:
+        """As many for each patch."""
+        return np.full(len(area), len(self._cube.weights), np.int64)
+
+    def directions(self, normals: Float32, ids: Int32, sample: Int64) -> Float32:
+        """Through the middles of cells."""
+        x, y, z = np.ascontiguousarray(self._cube.directions[sample].T)
+        turn = hash_uniform(ids, 0) * np.float32(2 * np.pi)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        x, y = cosine * x - sine * y, sine * x + cosine * y
+        nx, ny, nz = np.ascontiguousarray(normals.T)
+        sign = np.copysign(np.float32(1), nz)  # the basis without branches of Duff et al. (2017), listing 3
+        a = -1 / (sign + nz)
+        b = nx * ny * a
+        along = (1 + sign * nx * nx * a, sign * b, -sign * nx)
+        across = (b, sign + ny * ny * a, -ny)
+        rows = [x * u + y * v + z * n for u, v, n in zip(along, across, (nx, ny, nz), strict=True)]
+        return np.ascontiguousarray(np.stack(rows, axis=1))
 
 
 def trace_transport(
     patches: Patches, visibility: Visibility, settings: BakeSettings, sky: Sky | None = None
 ) -> Generator[float, None, Transport]:
-    """Trace which patches see each other; yields the share done and returns the balanced Transport.
+    """How patches exchange light, by the estimator that the settings name; yields the share done."""
+    rays, workers = settings.steps.patch_rays, settings.workers
+    pattern = HemicubeRays(resolution_for(rays)) if settings.form_factors == "hemicube" else NusseltRays(rays)
+    viewing = trace_view(patches, pattern, visibility, workers, sky)
+    if settings.form_factors == "area":
+        view, tint, radiance = yield from scaled(viewing, 0.0, 0.1)
+        points = max(1, rays // RAYS_OF_A_POINT)
+        rows = yield from scaled(exchange_of_pairs(patches, visibility, points, workers), 0.1, 0.9)
+    else:
+        view, tint, radiance = yield from scaled(viewing, 0.0, 0.8)
+        rows = yield from scaled(join_hits(patches.area, view, workers), 0.8, 0.9)
+    transport = yield from scaled(closed(patches.area, view, rows, workers), 0.9, 1.0)
+    return replace(transport, sky_tint=tint, sky_radiance=radiance)
 
-    The directions follow the Nusselt analog, Sobol points on the disc, and origins are spread over each patch, so
-    the share of patch i's rays that meet patch j estimates F[i, j] (Malley 1988). Rays that meet NOTHING don't count.
+
+def trace_view(
+    patches: Patches, pattern: RayPattern, visibility: Visibility, workers: int, sky: Sky | None = None
+) -> Fractions[tuple[View, Float64, Float64]]:
+    """Trace what patches see; yields the share done. Rays that meet NOTHING don't count.
+
+    Returns:
+        what the rays met, and of each patch's rays that left the scene the mean tint and radiance (N, 3)
     """
-    rays = ray_counts(patches.area, settings.steps.patch_rays)
+    rays = pattern.counts(patches.area)
     begin = np.concatenate([[0], np.cumsum(rays)])
     target = np.empty(begin[-1], np.int32)
     sky_tint = np.ones((len(rays), 3))
-    sky_radiance = np.zeros((patches.count, 3))
+    sky_radiance = np.zeros((len(rays), 3))
 
     def trace(start: int, stop: int) -> None:
         ids = np.repeat(np.arange(start, stop, dtype=np.int32), rays[start:stop])
         sample = np.arange(begin[start], begin[stop]) - begin[ids]
         origins, normals = patches.origins(ids, sample)
-        directions = cosine_directions(normals, even_uniform(ids, sample, 0), even_uniform(ids, sample, 1))
+        directions = pattern.directions(normals, ids, sample)
         hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample))
         met = patches.at(hits)
         target[begin[start] : begin[stop]] = met
+        if hits.tint is None and sky is None:
+            return
+        gone = np.flatnonzero(met == SKY)
+        owner = ids[gone] - start
+        weight = None if pattern.weights is None else pattern.weights[sample[gone]]
         if hits.tint is not None:
-            sky_tint[start:stop] = mean_of(hits.tint[met == SKY], ids[met == SKY] - start, stop - start)
+            sky_tint[start:stop] = mean_of(hits.tint[gone], owner, stop - start, weight)
         if sky is not None:
-            gone = np.flatnonzero(met == SKY)
             seen = sky.radiance[cells(directions[gone])]
             if hits.tint is not None:
                 seen *= hits.tint[gone]
-            sky_radiance[start:stop] = mean_of(seen, ids[gone] - start, stop - start)
+            sky_radiance[start:stop] = mean_of(seen, owner, stop - start, weight)
 
-    chunk = max(1, TRACED_RAYS // settings.steps.patch_rays)
-    yield from scaled(in_chunks(trace, len(rays), chunk, settings.workers), 0.0, 0.8)
-    transport = yield from join_hits(patches.area, rays, target, settings.workers)
-    return replace(transport, sky_tint=sky_tint, sky_radiance=sky_radiance)
+    chunk = max(1, TRACED_RAYS * len(rays) // max(len(target), 1))
+    yield from in_chunks(trace, len(rays), chunk, workers)
+    return View(rays, target, pattern.weights), sky_tint, sky_radiance
 
 
-def mean_of(values: Float32, owner: Int32, count: int) -> Float64:
-    """Mean (count, 3) of the values (R, 3) of each owner (R,); 0 for those without any."""
-    number = np.maximum(np.bincount(owner, minlength=count), 1)
-    sums = [np.bincount(owner, weights=channel, minlength=count) for channel in values.T]
-    return np.stack(sums, axis=1) / number[:, None]
+def mean_of(values: Float32, owner: Int32, count: int, weight: Float64 | None = None) -> Float64:
+    """Weighted mean (count, 3) of the values (R, 3) of each owner (R,); 0 for those without any."""
+    total = np.bincount(owner, weights=weight, minlength=count)
+    columns = (channel if weight is None else channel * weight for channel in values.T)
+    sums = [np.bincount(owner, weights=column, minlength=count) for column in columns]
+    return np.stack(sums, axis=1) / np.where(total > 0, total, 1)[:, None]
 
 
 def ray_counts(area: Float64, mean: int) -> Int64:
@@ -174,128 +173,3 @@ def ray_counts(area: Float64, mean: int) -> Int64:
         return np.zeros(0, np.int64)
     share = np.sqrt(area / area.mean())
     return np.maximum(np.rint(mean * np.clip(share, 0.25, 4.0)), 1).astype(np.int64)
-
-
-def join_hits(area: Float64, rays: Int64, target: Int32, workers: int) -> Generator[float, None, Transport]:
-    """The balanced Transport of N patches from what their rays met.
-
-    Args:
-        area: (N,) float64, m2
-        rays: (N,) int64, rays of each patch
-        target: (R,) int32, what the rays met, patch after patch: a patch, SKY or NOTHING
-        workers: threads
-    """
-    count = len(area)
-    source = np.repeat(np.arange(count, dtype=np.int32), rays)
-    counted = rays - np.bincount(source[target == NOTHING], minlength=count)
-    gone = np.bincount(source[target == SKY], minlength=count)
-    per_area = counted / area
-    begin = np.concatenate([[0], np.cumsum(rays)])
-    bits = np.uint32(max(1, int(count - 1).bit_length()))
-
-    def join(start: int, stop: int) -> tuple[Int64, Int32, Float32]:
-        """Entries of rows start to stop: how many in each, their columns and exchange."""
-        own = slice(begin[start], begin[stop])
-        sent = np.flatnonzero(target[own] >= 0) + begin[start]
-        # As unsigned numbers, patches before `start` are huge: one comparison finds start <= target < stop.
-        came = np.flatnonzero((target - np.int32(start)).view(np.uint32) < stop - start)
-        row = np.concatenate([source[sent], target[came]]) - np.int32(start)
-        keys = row.astype(np.uint32) << bits
-        keys |= np.concatenate([target[sent], source[came]]).astype(np.uint32)
-        keys.sort()
-        new = np.ones(len(keys) + 1, bool)
-        np.not_equal(keys[1:], keys[:-1], out=new[1:-1])
-        runs = np.flatnonzero(new)
-        keys = keys[runs[:-1]]
-        row, column = (keys >> bits).astype(np.int32), (keys & ((np.uint32(1) << bits) - np.uint32(1))).astype(np.int32)
-        exchange = np.diff(runs) / (per_area[row + start] + per_area[column])
-        return np.bincount(row, minlength=stop - start), column, exchange.astype(np.float32)
-
-    chunk = min(max(1, MERGED_HITS * count // max(1, 2 * len(target))), 1 << (32 - int(bits)))
-    parts = yield from scaled(in_chunks(join, count, chunk, workers), 0.8, 0.9)
-    first, column, exchange = (
-        np.concatenate([np.zeros(0, kind), *(part[k] for part in parts)])
-        for k, kind in enumerate((np.int64, np.int32, np.float32))
-    )
-    first = np.concatenate([[0], np.cumsum(first)])
-    del parts
-    yield from scaled(balance(area, counted - gone, counted, first, column, exchange, workers), 0.9, 1.0)
-    reached = _row_sums(first, column, exchange, np.ones((1, count)), workers)[0]
-    escaped = 1 - reached / area
-    sky = np.where(gone > 0, np.maximum(escaped, 0), 0)
-    return Transport(area, first, column, exchange, escaped, sky, counted, workers)
-
-
-def balance(
-    area: Float64, hits: Int64, rays: Int64, first: Int64, column: Int32, exchange: Float32, workers: int
-) -> Generator[float, None, None]:
-    """Scale the symmetric `exchange`, in place, so that each row sums to what its patch was counted to see.
-
-    Finds d with d_i (sum_j K_ij d_j + slack_i) = seen_i + slack_i, by damped steps of the symmetric scaling of Sinkhorn
-    and Knopp (Knight, Ruiz and Ucar 2014); K_ij becomes d_i K_ij d_j. Without slack two plates that face each other
-    and count differently what escapes them could not both be right. The slack falls with the rays, as the variance of
-    the count does, and is no more than what escapes: rows of closed rooms sum to their area, and no row to more.
-
-    Args:
-        area: (N,) float64, m2
-        hits, rays: (N,) int64, how many of a patch's rays met a patch
-        first, column, exchange: rows as in Transport
-        workers: threads
-    """
-    scale = np.ones(len(area))
-    joined = np.minimum(_row_sums(first, column, exchange, scale[None], workers)[0], area)
-    seen = np.where(hits > 0, area * hits / np.maximum(rays, 1), joined)  # others may have met who met none
-    slack = np.minimum(area * SLACK_RAYS / np.maximum(rays, SLACK_RAYS), area - seen)
-    goal = seen + slack
-    errors: list[float] = []
-    for sweep in range(MOST_SWEEPS):
-        sums = scale * (_row_sums(first, column, exchange, scale[None], workers)[0] + slack)
-        ratio = sums / goal  # never 0: a row without entries has slack
-        errors.append(float(np.abs(ratio - 1).max(initial=0)))
-        stalled = sweep >= 4 * STALL_SWEEPS and errors[-1] > STALLED * errors[-1 - STALL_SWEEPS]
-        if errors[-1] < BALANCED or stalled:
-            break
-        scale *= ratio**-BALANCING_POWER
-        yield sweep / MOST_SWEEPS
-    _scale_entries(first, column, exchange, np.multiply, scale)
-    reached = _row_sums(first, column, exchange, np.ones((1, len(area))), workers)[0]
-    if (reached > area * (1 + 2 * BALANCED)).any():  # rows that can't be balanced must at least make no light
-        _scale_entries(first, column, exchange, np.minimum, np.minimum(1, area / np.maximum(reached, area)))
-
-
-def _scale_entries(first: Int64, column: Int32, exchange: Float32, joined: np.ufunc, scale: Float64) -> None:
-    """Multiply each entry i, j by joined(scale_i, scale_j), in blocks of rows."""
-    for start, stop in _row_blocks(first, 0, len(first) - 1):
-        entries = slice(first[start], first[stop])
-        of_row = np.repeat(scale[start:stop], np.diff(first[start : stop + 1]))
-        exchange[entries] = exchange[entries] * joined(of_row, scale[column[entries]])
-
-
-def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, workers: int) -> Float64:
-    """Sums (C, N) float64 over each row of its entries times values (C, N)."""
-    count = len(first) - 1
-    sums: Float64 = np.zeros(values.shape)
-    lit = np.flatnonzero(values.any(axis=1))  # light groups are often dark, or have run dry
-
-    def add(start: int, stop: int) -> None:
-        for low, high in _row_blocks(first, start, stop):
-            entries = slice(first[low], first[high])
-            where, factor = column[entries].astype(np.intp), exchange[entries]
-            lengths = np.diff(first[low : high + 1])
-            filled = np.flatnonzero(lengths)  # reduceat can't sum nothing
-            begin = first[low + filled] - first[low]
-            for channel in lit:
-                products = np.take(values[channel], where, mode="clip")
-                products *= factor
-                sums[channel, low + filled] = np.add.reduceat(products, begin) if len(filled) else 0
-
-    rows = max(1, SUMMED_ENTRIES * count // max(1, int(first[-1])))
-    finish(in_chunks(add, count, rows, workers))
-    return sums
-
-
-def _row_blocks(first: Int64, start: int, stop: int) -> list[tuple[int, int]]:
-    """Rows start to stop in blocks of about BLOCK_ENTRIES entries."""
-    entries = int(first[stop] - first[start])
-    rows = max(1, BLOCK_ENTRIES * (stop - start) // max(1, entries))
-    return [(low, min(low + rows, stop)) for low in range(start, stop, rows)]

@@ -9,11 +9,11 @@ import numpy as np
 
 from .appearance import Appearance
 from .arrays import Bools, Float32, Float64, Int32
-from .form_factor import Transport
 from .lights import Lamps, irradiance_at
 from .patches import Patches
 from .scene import Scene
 from .sky import Sky
+from .transport import Transport
 from .visibility import Visibility
 
 BACK_SAMPLES = 4

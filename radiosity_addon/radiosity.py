@@ -16,8 +16,8 @@ from typing import TypeAlias
 import numpy as np
 
 from .arrays import Float64, Floats, Int64
-from .form_factor import Transport
 from .patches import Patches
+from .transport import Transport
 
 
 @dataclass(frozen=True, eq=False)

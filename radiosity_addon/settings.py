@@ -15,6 +15,8 @@ QUALITIES: tuple[str, ...] = get_args(QualityName)
 SolverName = Literal[
     "progressive", "southwell", "overshooting", "gauss-seidel", "jacobi", "conjugate-gradient", "dense"
 ]
+FormFactorName = Literal["nusselt", "hemicube", "area"]
+FORM_FACTOR_NAMES: tuple[str, ...] = get_args(FormFactorName)
 SOLVER_NAMES: tuple[str, ...] = get_args(SolverName)
 MAX_PAGE_SIZE = 8192
 
@@ -59,6 +61,7 @@ class BakeSettings:
         density: texels per metre; None fills one page
         page_size: texels along an edge of a page
         quality: draft, medium or high
+        form_factors: name of the estimator of form factors
         solver: name of the way in which the equation is solved, as in solvers.py
         tolerance: unshot share of the emitted power at which the solver stops
         bounces: most reflections of light that a lightmap holds; None for all
@@ -73,6 +76,7 @@ class BakeSettings:
     density: float | None = None
     page_size: int = 1024
     quality: QualityName = "medium"
+    form_factors: FormFactorName = "nusselt"
     solver: SolverName = "progressive"
     tolerance: float = 1e-4
     bounces: int | None = None
@@ -95,6 +99,10 @@ class BakeSettings:
             )
         if self.quality not in QUALITIES:
             raise SettingsError("Quality", f"{self.quality!r} is unknown", "Choose from " + ", ".join(QUALITIES))
+        if self.form_factors not in FORM_FACTOR_NAMES:
+            raise SettingsError(
+                "Form factors", f"{self.form_factors!r} is unknown", "Choose from " + ", ".join(FORM_FACTOR_NAMES)
+            )
         if self.solver not in SOLVER_NAMES:
             raise SettingsError("Solver", f"{self.solver!r} is unknown", "Choose from " + ", ".join(SOLVER_NAMES))
         if not 1e-8 <= self.tolerance < 1:

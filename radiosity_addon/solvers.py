@@ -14,10 +14,10 @@ import numpy as np
 
 from .arrays import Float64, Floats, Int64
 from .errors import SettingsError
-from .form_factor import Transport
 from .patches import Patches
 from .radiosity import Refinement, UnshotLight, relax
 from .settings import SolverName
+from .transport import Transport
 
 SHOOTING_SHARE = 0.1
 """A step shoots each patch whose unshot power is at least this share of the largest. Higher ones send a little less

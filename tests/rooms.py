@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.form_factor import Transport, trace_transport
+from radiosity_addon.form_factor import trace_transport
 from radiosity_addon.sampling import even_uniform
 from radiosity_addon.settings import BakeSettings, Quality
+from radiosity_addon.transport import Transport
 from radiosity_addon.visibility import Hits, Visibility
 
 LIFT = np.float32(2e-5)
@@ -64,11 +65,12 @@ class Facets:
         patch = hits.triangle if self.triangular else hits.triangle >> 1
         return np.where(hits.triangle < 0, -1, np.where(hits.front, patch, -2)).astype(np.int32)
 
-    def settings(self, rays: int = 128, workers: int = 1) -> BakeSettings:
-        return Rays(patch_rays=rays, threads=workers)
+    def settings(self, rays: int = 128, workers: int = 1, form_factors: str = "nusselt") -> BakeSettings:
+        return Rays(patch_rays=rays, threads=workers, form_factors=form_factors)
 
-    def transport(self, rays: int = 128, workers: int = 1) -> Transport:
-        return finish(trace_transport(self, Visibility(self.corners()), self.settings(rays, workers)))
+    def transport(self, rays: int = 128, workers: int = 1, form_factors: str = "nusselt") -> Transport:
+        settings = self.settings(rays, workers, form_factors)
+        return finish(trace_transport(self, Visibility(self.corners()), settings))
 
 
 def rectangle(origin, edge_u, edge_v, across: int = 1, along: int | None = None) -> tuple[np.ndarray, ...]:

@@ -10,7 +10,6 @@ import pytest
 
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SettingsError
-from radiosity_addon.form_factor import Transport
 from radiosity_addon.radiosity import Refinement, Solution, SolverState
 from radiosity_addon.solvers import (
     MOST_DENSE,
@@ -22,6 +21,7 @@ from radiosity_addon.solvers import (
     progressive,
     southwell,
 )
+from radiosity_addon.transport import Transport
 from tests.rooms import box
 
 TIGHT = 1e-10
