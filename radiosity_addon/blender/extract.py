@@ -22,7 +22,8 @@ from .nodes import LinkCycle
 from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .stand_in import as_unbaked
-from .surface_inputs import Asking, SurfaceInputs
+from .surface_answers import SurfaceAnswers
+from .surface_inputs import Asking
 from .working_space import working_space
 from .world import read_world, render_sky
 
@@ -70,7 +71,7 @@ class Extraction:
     sources: tuple[Source, ...]
     skipped: tuple[tuple[str, str], ...]
     materials: tuple[str, ...] = ()
-    surfaces: Mapping[int, SurfaceInputs] = field(default_factory=dict)
+    surfaces: Mapping[int, SurfaceAnswers] = field(default_factory=dict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -119,7 +120,7 @@ class _Reading:
         self.materials: list[Material] = []
         self.shown: list[tuple[str, Asking | None]] = []  # full name of each record's material, what it asks for
         self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
-        self.surfaces: dict[int, SurfaceInputs] = {}
+        self.surfaces: dict[int, SurfaceAnswers] = {}
         self.shapes: dict[int, Shape] = {}
         self.meshes: list[Mesh] = []
         self.sources: list[Source] = []
@@ -232,7 +233,7 @@ class _Reading:
         material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
         asking = [self.shown[index][1] for index in np.unique(material) if self.shown[index][1] is not None]
         if asking:
-            self.surfaces[len(self.meshes)] = SurfaceInputs.of(asking, item, mesh, self.depsgraph)
+            self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph)
         if instanced:
             self.instances[thing.name, item.parent.name] += 1
         self.sources.append(

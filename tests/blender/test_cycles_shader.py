@@ -12,6 +12,7 @@ import pytest
 from radiosity_addon.arrays import Float32
 from radiosity_addon.blender.cycles_shader import CyclesShader
 from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.cells import lay_cells
 from radiosity_addon.errors import SceneError
 from radiosity_addon.shading import Layout, Quantity
 from tests.blender.datablocks import differences, snapshot
@@ -221,6 +222,225 @@ def test_a_checker_has_its_two_colours_in_their_places():
     for row, column in ((16, 16), (48, 48)):
         assert page[row, column] == pytest.approx((0.8, 0.2, 0.1), abs=1e-6)
         assert page[row, 64 - column] == pytest.approx((0.1, 0.3, 0.6), abs=1e-6)
+
+
+def image(name: str, colors: object, space: str = "", **options: object) -> bpy.types.Image:
+    """An image of rows and columns of colours, row 0 at the bottom; of 8 bits a channel, or of floats."""
+    values = np.ones((*np.shape(colors)[:2], 4), np.float32)
+    values[..., :3] = colors
+    made = bpy.data.images.new(name, values.shape[1], values.shape[0], **options)
+    if space:
+        made.colorspace_settings.name = space  # would drop pixels
+    made.pixels.foreach_set(values.ravel())
+    return made
+
+
+def of_image(
+    shown: bpy.types.Image | None, uv_map: str = "", **values: object
+) -> Callable[[Tree], bpy.types.NodeSocket]:
+    def make(tree: Tree) -> bpy.types.NodeSocket:
+        node = tree.node("TexImage")
+        node.image = shown
+        for key, value in values.items():
+            setattr(node, key, value)
+        if uv_map:
+            place = tree.node("UVMap")
+            place.uv_map = uv_map
+            tree.link(place.outputs["UV"], node.inputs["Vector"])
+        return node.outputs["Color"]
+
+    return make
+
+
+def test_a_gradient_follows_the_uv_map():
+    def gradient(tree: Tree) -> bpy.types.NodeSocket:
+        node = tree.node("TexGradient")
+        tree.link(tree.node("TexCoord").outputs["UV"], node.inputs["Vector"])
+        return node.outputs["Fac"]
+
+    plane("Floor", emitting(gradient))
+    page = pages()["Floor"]
+    expected = (np.arange(SIZE) + 0.5) / SIZE
+    assert np.abs(page[:, :, 0] - expected).max() < 1e-4
+
+
+@pytest.mark.parametrize(("space", "expected"), [("sRGB", 0.21404), ("Non-Color", 128 / 255)])
+def test_images_are_decoded_by_their_colour_space(space, expected):
+    shown = image("Paint", [[(0.502, 0.502, 0.502)]], space)
+    plane("Floor", emitting(of_image(shown)))
+    assert pages()["Floor"][32, 32] == pytest.approx([expected] * 3, abs=2e-3)
+
+
+def test_closest_and_linear_interpolation_are_blenders():
+    two = image("Two", [[(0, 0, 0), (1, 1, 1)]], float_buffer=True, is_data=True)
+    plane("Sharp", emitting(of_image(two, interpolation="Closest", extension="EXTEND"), "Sharp"))
+    plane("Soft", emitting(of_image(two, extension="EXTEND"), "Soft"))
+    shown = pages()
+    assert np.unique(shown["Sharp"][:, :, 0]).tolist() == [0, 1]
+    expected = np.clip(2 * (np.arange(SIZE) + 0.5) / SIZE - 0.5, 0, 1)
+    assert np.abs(shown["Soft"][:, :, 0] - expected).max() < 5e-3
+
+
+def test_a_missing_image_is_pink():
+    lost = bpy.data.images.new("lost", 4, 4)
+    lost.source = "FILE"
+    lost.filepath = "//nowhere.png"
+    plane("Floor", emitting(of_image(lost)))
+    assert pages()["Floor"][32, 32] == pytest.approx([1, 0, 1])
+
+
+def add_uv_map(thing: bpy.types.Object, name: str, scale: float) -> None:
+    first = np.empty(len(thing.data.loops) * 2, np.float32)
+    thing.data.uv_layers["UVMap"].uv.foreach_get("vector", first)
+    thing.data.uv_layers.new(name=name).uv.foreach_set("vector", scale * first)
+
+
+def test_each_image_takes_the_uv_map_that_it_is_given_or_the_one_set_for_rendering():
+    quarters = image("Quarters", [[(1, 0, 0), (0, 1, 0)], [(0, 0, 1), (1, 1, 0)]], float_buffer=True, is_data=True)
+    given = plane("Given", emitting(of_image(quarters, "Small", interpolation="Closest"), "Given"))
+    default = plane("Default", emitting(of_image(quarters, interpolation="Closest"), "Default"))
+    for thing in (given, default):
+        add_uv_map(thing, "Small", 0.4)
+    default.data.uv_layers["UVMap"].active_render = True
+    shown = pages()
+    assert np.unique(shown["Given"].reshape(-1, 3), axis=0).tolist() == [[1, 0, 0]]
+    assert shown["Default"][48, 48].tolist() == [1, 1, 0]
+    default.data.uv_layers["Small"].active_render = True
+    assert pages()["Default"][48, 48].tolist() == [1, 0, 0]
+
+
+def test_eight_uv_maps_leave_room_for_the_pages():
+    plane("Floor", emitting(checkers))
+    thing = plane("Full", emitting(of_coordinates("UV")))
+    thing.radiosity.only_casts = True
+    for number in range(7):
+        add_uv_map(thing, f"Map {number}", 0.1)
+    assert len(thing.data.uv_layers) == 8
+    assert pages()["Full"][32, 32, :2] == pytest.approx([0.5, 0.5], abs=0.01)
+
+
+def test_tiles_of_a_udim_lie_side_by_side():
+    tiled = bpy.data.images.new("Tiles", 4, 4, tiled=True, float_buffer=True, is_data=True)
+    with bpy.context.temp_override(edit_image=tiled):
+        tiled.tiles.new(tile_number=1002)
+        for number, color in ((0, (1, 0, 0, 1)), (1, (0, 0, 1, 1))):
+            tiled.tiles.active_index = number
+            bpy.ops.image.tile_fill(color=color, width=4, height=4, float=True, alpha=True)
+    thing = plane("Floor", emitting(of_image(tiled, "Wide")))
+    add_uv_map(thing, "Wide", 2.0)
+    page = pages()["Floor"]
+    assert page[16, 16] == pytest.approx([1, 0, 0], abs=1e-3)
+    assert page[16, 48] == pytest.approx([0, 0, 1], abs=1e-3)
+
+
+def test_groups_in_groups_are_asked_and_fed():
+    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    inner.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    inner.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    start, end, mix = (inner.nodes.new(kind) for kind in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeVectorMath"))
+    place = inner.nodes.new("ShaderNodeTexCoord")
+    mix.operation = "MULTIPLY"
+    inner.links.new(place.outputs["UV"], mix.inputs[0])
+    inner.links.new(start.outputs[0], mix.inputs[1])
+    inner.links.new(mix.outputs[0], end.inputs[0])
+    outer = bpy.data.node_groups.new("Outer", "ShaderNodeTree")
+    outer.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    user, out = outer.nodes.new("ShaderNodeGroup"), outer.nodes.new("NodeGroupOutput")
+    user.node_tree = inner
+    user.inputs[0].default_value = (0.5, 0.25, 1, 1)
+    outer.links.new(user.outputs[0], out.inputs[0])
+
+    def grouped(tree: Tree) -> bpy.types.NodeSocket:
+        node = tree.node("Group")
+        node.node_tree = outer
+        return node.outputs[0]
+
+    plane("Floor", emitting(grouped))
+    assert pages()["Floor"][48, 16] == pytest.approx([0.5 * 16.5 / 64, 0.25 * 48.5 / 64, 0], abs=1e-4)
+
+
+def test_each_slot_shows_its_own_material():
+    colors = [(0.9, 0.1, 0.1), (0.1, 0.8, 0.2), (0.2, 0.1, 0.7)]
+    paints = [image(f"Paint {k}", [[color]], float_buffer=True, is_data=True) for k, color in enumerate(colors)]
+    thing = cube("Box", *(emitting(of_image(paint), paint.name) for paint in paints))
+    shown = pages()["Box"]
+    for polygon in thing.data.polygons:
+        corners = np.array([thing.data.uv_layers[0].uv[loop].vector for loop in polygon.loop_indices])
+        column, row = (corners.mean(0) * SIZE).astype(int)
+        assert shown[row, column] == pytest.approx(colors[polygon.material_index], abs=1e-5)
+
+
+def test_text_has_generated_coordinates_over_its_box():
+    curve = bpy.data.curves.new("Text", "FONT")
+    curve.body, curve.extrude = "II", 0.2
+    curve.materials.append(emitting(of_coordinates("Generated")))
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Text", curve))
+    extraction = extract_scene(bpy.context.scene)
+    mesh = extraction.scene.meshes[0]
+    low, high = mesh.vertices.min(0), mesh.vertices.max(0)
+    cells = lay_cells([mesh], 20.0, 128)[0]
+    layout = Layout(128, 1, np.zeros(1, np.int32), (cells.uv,))
+    page = CyclesShader(bpy.context.scene, extraction)(layout, np.ones(1, bool), "emission")[0]
+    column, row = (cells.uv.mean(1) * 128).astype(int).T
+    middle = (mesh.vertices[mesh.triangles].mean(1) - low) / (high - low)
+    assert np.abs(page[row, column] - middle)[:, :2].max() < 0.2  # somewhere in the triangle
+    assert page[row, column, :2].std(0).min() > 0.2
+
+
+def test_instances_have_places_and_numbers_of_their_own():
+    material = emitting(of_object("Location"))
+    numbers = emitting(of_object("Random"), "Random")
+    group = bpy.data.collections.new("Group")
+    for thing in (plane("One", material), plane("Two", numbers)):
+        bpy.context.scene.collection.objects.unlink(thing)
+        group.objects.link(thing)
+    for number in range(2):
+        empty = bpy.data.objects.new(f"Empty {number}", None)
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", group, (0, 0, 1.0 + number)
+        bpy.context.scene.collection.objects.link(empty)
+    plane("Floor", emitting(checkers, "Floor"))
+    extraction = extract_scene(bpy.context.scene)
+    shown = CyclesShader(bpy.context.scene, extraction)(layout_of(extraction), np.ones(5, bool), "emission")
+    found = [(source.object_name, page[32, 32]) for source, page in zip(extraction.sources, shown, strict=True)]
+    places = sorted(color.tolist() for name, color in found if name == "One")
+    assert places == [[0, 0, 1], [0, 0, 2]]
+    one, two = (color[0] for name, color in found if name == "Two")
+    assert one != two
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="scenes work in Linear Rec.709 before Blender 5.0")
+def test_pages_hold_the_working_spaces_own_numbers():
+    bpy.ops.wm.set_working_color_space(working_space="Linear Rec.2020", convert_colors=False)
+    try:
+        red = image("Red", [[(1, 0, 0)]])
+        plane("Image", emitting(of_image(red), "Image"))
+        painted = plane("Bytes", emitting(of_attribute("Paint"), "Bytes"))
+        painted.data.attributes.new("Paint", "BYTE_COLOR", "CORNER").data.foreach_set("color", [1, 0, 0, 1] * 4)
+        floats = plane("Floats", emitting(of_attribute("Paint"), "Floats"))
+        floats.data.attributes.new("Paint", "FLOAT_COLOR", "CORNER").data.foreach_set("color", [1, 0, 0, 1] * 4)
+        shown = pages()
+        in_rec2020 = pytest.approx([0.6274, 0.0691, 0.0164], abs=1e-3)
+        assert shown["Image"][32, 32] == in_rec2020
+        assert shown["Bytes"][32, 32] == in_rec2020
+        assert shown["Bytes"][32, 32] == pytest.approx(cycles(painted)[0][32, 32], abs=1e-3)
+        assert shown["Floats"][32, 32] == pytest.approx([1, 0, 0])
+    finally:
+        bpy.ops.wm.set_working_color_space(working_space="Linear Rec.709", convert_colors=False)
+
+
+def test_diffuse_rays_see_what_the_camera_may_not_and_shadow_rays_tell_transparency():
+    tree = Tree()
+    path, end = tree.node("LightPath"), tree.node("OutputMaterial")
+    glow, clear, mix = tree.node("Emission"), tree.node("BsdfTransparent"), tree.node("MixShader")
+    tree.link(checkers(tree), glow.inputs["Color"])
+    tree.link(checkers(tree), clear.inputs["Color"])
+    tree.link(path.outputs["Is Shadow Ray"], mix.inputs[0])
+    tree.link(glow.outputs[0], mix.inputs[1])
+    tree.link(clear.outputs[0], mix.inputs[2])
+    tree.link(mix.outputs[0], end.inputs["Surface"])
+    plane("Floor", tree.material)
+    assert pages("emission")["Floor"][16, 16] == pytest.approx([0.8, 0.2, 0.1], abs=1e-6)
+    assert pages("transmittance")["Floor"][16, 16] == pytest.approx([0.8, 0.2, 0.1], abs=1e-6)
 
 
 def test_the_three_quantities_of_a_principled_are_told_apart():
