@@ -93,6 +93,8 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
     for which, (mesh, surface) in enumerate(zip(meshes, surfaces, strict=True)):
         if not surface.solid.any():
             warnings.append(f"{mesh.name}: all its faces are degenerate, it gets no lightmap")
+        elif mesh.uv is not None and mesh.chart is not None:
+            cut.append(which)
         elif mesh.uv is not None:
             uv, chart = yield from _meanwhile(partial(kept_uv, mesh, surface.area, surface.solid), 0.0)
             result[which] = Flat(uv, chart, rigid=True)
@@ -111,6 +113,10 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
         cuts = yield from scaled(cut_into_charts(jobs), 0.0, 0.8)
 
     raw = {which: _RawCharts.empty(len(meshes[which].triangles)) for which in cut}
+    for which in cut:
+        laid, pieces = meshes[which].uv, meshes[which].chart
+        if laid is not None and pieces is not None:
+            raw[which].add(np.arange(len(pieces)), laid.astype(np.float64), pieces.astype(np.int64))
     for (which, triangles), found in zip(job_of, cuts, strict=True):
         if found is None:
             warnings.append(f"{meshes[which].name}: xatlas did not finish, {len(triangles)} faces unwrapped plainly")

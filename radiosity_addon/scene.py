@@ -61,6 +61,8 @@ class Mesh:
         lightmapped: gets a place on a page; otherwise it only shadows, bounces and emits
         density: multiplier of the texel density
         uv: (F, 3, 2) float32 in 0..1 to keep an existing map instead of unwrapping, or None
+        chart: (F,) int32, chart of each triangle, where the surface was laid flat already: then uv are metres in a
+            plane for each chart, and the charts are packed apart; -1: none
         shape: meshes of the same number, 0 and up, share one unwrap, which each scales and shifts as a whole: their
             polygons, corners and existing maps are the same and their vertices differ by little more than a
             similarity; None: an unwrap of its own
@@ -76,6 +78,7 @@ class Mesh:
     lightmapped: bool = True
     density: float = 1.0
     uv: Float32 | None = None
+    chart: Int32 | None = None
     shape: int | None = None
 
 

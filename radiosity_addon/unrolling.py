@@ -20,7 +20,7 @@ from .patchwork import Cap, Net, faces_of
 STRETCH = 1.5
 """Most that lengths in a chart may differ from those on the surface, as a factor either way."""
 
-MOST_PIECES = 64
+MOST_PIECES = 32
 """A net that needs more pieces is no net to lay flat by rows and columns."""
 
 LONG = 2.0

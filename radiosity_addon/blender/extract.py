@@ -21,6 +21,7 @@ from .names import is_stand_in, original_material
 from .nodes import LinkCycle
 from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
+from .spline_meshes import SplineMeshes, is_bare_tube
 from .stand_in import as_unbaked
 from .surface_answers import SurfaceAnswers
 from .surface_inputs import Asking
@@ -122,6 +123,7 @@ class _Reading:
         self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
         self.surfaces: dict[int, SurfaceAnswers] = {}
         self.shapes: dict[int, Shape] = {}
+        self.splines = SplineMeshes(depsgraph)
         self.meshes: list[Mesh] = []
         self.sources: list[Source] = []
         self.lights: list[Light] = []
@@ -135,9 +137,12 @@ class _Reading:
     def read_all(self) -> _Reading:
         """Take in all that is rendered, but for a world that has to be rendered itself."""
         seen = set()
-        for item in self.depsgraph.object_instances:
-            seen.add(item.object.original.name_full)
-            self.read(item)
+        try:
+            for item in self.depsgraph.object_instances:
+                seen.add(item.object.original.name_full)
+                self.read(item)
+        finally:
+            self.splines.remove()
         self.skip_unseen(seen)
         for (name, maker), count in self.instances.items():
             times = f"{count} instances" if count > 1 else "an instance"
@@ -190,7 +195,7 @@ class _Reading:
             self.read_lamp(thing, finite_matrix(item))
             return
         instanced = item.is_instance and not _is_own_surface(item)
-        if thing.type != "MESH":
+        if thing.type != "MESH" and not is_bare_tube(original, self.depsgraph):
             if thing.type in ("CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
                 self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
             return
@@ -212,7 +217,8 @@ class _Reading:
     ) -> None:
         thing, original, matrix = item.object, item.object.original, finite_matrix(item)
         editing = thing.data.is_editmode  # an edited mesh is evaluated on demand
-        mesh: bpy.types.Mesh = thing.to_mesh() if editing else thing.data
+        splines = self.splines.of(original)
+        mesh: bpy.types.Mesh = splines.mesh if splines else thing.to_mesh() if editing else thing.data
         lightmapped = self.gets_lightmap(thing.name, instanced, settings)
         self.check_rays(thing)
         if not len(mesh.polygons):
@@ -234,6 +240,13 @@ class _Reading:
         asking = [self.shown[index][1] for index in np.unique(material) if self.shown[index][1] is not None]
         if asking:
             self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph)
+        uv = kept_uv(mesh, shape, thing.name, settings) if lightmapped else None
+        chart = None
+        if splines is not None:
+            for reason in splines.nets.degenerate:
+                self.warn(f"{thing.name}: a spline is left out: {reason}")
+            if lightmapped and uv is None:
+                uv, chart = splines.cut(shape.corner, matrix) or (None, None)
         if instanced:
             self.instances[thing.name, item.parent.name] += 1
         self.sources.append(
@@ -257,7 +270,8 @@ class _Reading:
                 corner=shape.corner,
                 lightmapped=lightmapped,
                 density=getattr(settings, "density", 1.0),
-                uv=kept_uv(mesh, shape, thing.name, settings) if lightmapped else None,
+                uv=uv,
+                chart=chart,
             )
         )
 

@@ -150,6 +150,8 @@ class RADIOSITY_PT_object(bpy.types.Panel):
         layout.prop(settings, "exclude")
         taking_part = layout.column()
         taking_part.active = not settings.exclude
+        if context.object.type == "CURVE":
+            taking_part.prop(settings, "tube_radius")
         taking_part.prop(settings, "only_casts")
         lit = taking_part.column()
         lit.active = not settings.only_casts

@@ -151,6 +151,15 @@ class RadiosityObjectSettings(bpy.types.PropertyGroup):
         description="Keep this uv map for the lightmap instead of unwrapping. Empty: unwrap",
         default="",
     )
+    tube_radius: FloatProperty(
+        name="Tube Radius",
+        description="Make a curve without bevel and extrusion a tube of this radius: what it emits lights the scene",
+        default=0.0,
+        min=0.0,
+        soft_max=1.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
 
 
 CLASSES = (RadiosityFileSettings, RadiositySceneSettings, RadiosityObjectSettings)

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import bpy
 
 from .names import BAKE_KEY, HIDDEN_KEY, STAND_IN_KEY, is_behind_stand_in, is_stand_in, original_material
+from .spline_meshes import mesh_of
 
 LOOKS = (
     "hide_render", "hide_viewport", "hide_select", "color", "pass_index", "display_type", "lightgroup",
@@ -34,7 +35,7 @@ def make_stand_in(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph, to
     """
     evaluated = original.evaluated_get(depsgraph)
     materials = [slot.material and original_material(slot.material.original) for slot in evaluated.material_slots]
-    mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
+    mesh = mesh_of(original, depsgraph)
     mesh[BAKE_KEY] = token
     mesh[STAND_IN_KEY] = True
     mesh.materials.clear()

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Curve and surface objects as meshes, made from their splines, or by Blender where those are not all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..arrays import Float32, Float64, Int32
+from ..patchwork import Patchwork, patchwork
+from ..unrolling import unroll
+from .curves import Nets, curve_nets, left_to_blender, profiles, surface_nets
+
+UV_MAP = "UVMap"
+"""Name of the texture coordinates that Blender gives to the meshes of splines."""
+
+
+@dataclass(frozen=True, eq=False)
+class SplineMesh:
+    """The mesh of an object's splines.
+
+    Attributes:
+        mesh: a datablock of its own, without materials
+        nets: what it was made of
+        faces: the same as polygons
+    """
+
+    mesh: bpy.types.Mesh
+    nets: Nets
+    faces: Patchwork
+
+    def cut(self, corner: Int32, matrix: Float64) -> tuple[Float32, Int32] | None:
+        """Charts by arc length: uv (F, 3, 2), m, and chart (F,) of triangles by their corners (F, 3).
+
+        None where the splines bend too much to be laid flat by their own parameters.
+
+        Args:
+            matrix: (4, 4) of the object
+        """
+        laid = unroll(self.nets.nets, self.nets.caps, matrix[:3, :3])
+        if laid is None:
+            return None
+        places, charts = (values[self.faces.face][corner] for values in laid)
+        return places.astype(np.float32), charts[:, 0].astype(np.int32)
+
+
+class SplineMeshes:
+    """The spline meshes of one dependency graph, made when they are asked for, until they are removed."""
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
+        self.depsgraph = depsgraph
+        self.made: dict[tuple[str, float], SplineMesh | None] = {}
+
+    def of(self, original: bpy.types.Object) -> SplineMesh | None:
+        """That of a user's object, the same for all that share its data; None where Blender's mesh is to be taken."""
+        if original.type not in ("CURVE", "SURFACE"):
+            return None
+        if left_to_blender(original.evaluated_get(self.depsgraph), self.depsgraph) is not None:
+            return None
+        key = original.data.name_full, _tube(original)
+        if key not in self.made:
+            self.made[key] = spline_mesh(original, self.depsgraph)
+        return self.made[key]
+
+    def remove(self) -> None:
+        """Take the meshes out of the file."""
+        for made in self.made.values():
+            if made is not None:
+                bpy.data.meshes.remove(made.mesh)
+        self.made.clear()
+
+
+def is_bare_tube(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether an object is a curve without a surface that was given a tube."""
+    tube = getattr(getattr(original, "radiosity", None), "tube_radius", 0.0)
+    if original.type != "CURVE" or not tube:
+        return False
+    evaluated = original.evaluated_get(depsgraph)
+    return left_to_blender(evaluated, depsgraph) is None and not profiles(evaluated.data, depsgraph)
+
+
+def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SplineMesh | None:
+    """A new mesh datablock of an object's splines; None where it is left to Blender."""
+    thing = original.evaluated_get(depsgraph)
+    if left_to_blender(thing, depsgraph) is not None:
+        return None
+    nets = surface_nets(thing.data) if thing.type == "SURFACE" else curve_nets(thing.data, depsgraph, _tube(original))
+    if not nets.nets:
+        return None
+    faces = patchwork(nets.nets, nets.caps)
+    return SplineMesh(_filled(original.data.name, faces, thing.data), nets, faces)
+
+
+def mesh_of(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Mesh:
+    """A new mesh datablock of what an object shows."""
+    made = spline_mesh(original, depsgraph) if original.type in ("CURVE", "SURFACE") else None
+    if made is not None:
+        return made.mesh
+    evaluated = original.evaluated_get(depsgraph)
+    return bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
+
+
+def _tube(original: bpy.types.Object) -> float:
+    """Radius of the tube that the user gives to a bare curve, in the object's own space."""
+    radius = getattr(getattr(original, "radiosity", None), "tube_radius", 0.0)
+    scale = abs(original.matrix_world.determinant()) ** (1 / 3)
+    return radius / scale if scale > 0 else 0.0
+
+
+def _filled(name: str, faces: Patchwork, data: bpy.types.Curve) -> bpy.types.Mesh:
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(faces.vertices))
+    mesh.vertices.foreach_set("co", faces.vertices.astype(np.float32).ravel())
+    mesh.loops.add(len(faces.loop_vertex))
+    mesh.loops.foreach_set("vertex_index", faces.loop_vertex.astype(np.int32))
+    mesh.polygons.add(len(faces.loop_start))
+    mesh.polygons.foreach_set("loop_start", faces.loop_start.astype(np.int32))
+    mesh.polygons.foreach_set("material_index", faces.material.astype(np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(faces.loop_start), bool))
+    layer = mesh.uv_layers.new(name=UV_MAP, do_init=False)
+    layer.uv.foreach_set("vector", faces.loop_uv.astype(np.float32).ravel())
+    mesh.update(calc_edges=True)
+    if faces.loop_normal.any():
+        mesh.normals_split_custom_set(faces.loop_normal.astype(np.float32))
+    mesh.use_auto_texspace = False
+    mesh.texspace_location, mesh.texspace_size = data.texspace_location, data.texspace_size
+    return mesh
