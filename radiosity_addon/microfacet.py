@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .arrays import Float64
+from .arrays import Float64, Floats
 
 MIN_ROUGHNESS = 0.02
 """Below it a facet model is a mirror to three digits, and its quadrature would need more points."""
@@ -58,6 +58,29 @@ def metal_fresnel(color: Float64, edge_tint: Float64) -> Fresnel:
         return curve
 
     return fresnel
+
+
+def pane_transmittance(cosine: Floats, ior: Floats | float) -> Floats:
+    """Share of light that one of the two surfaces of a clear pane lets pass, what is reflected between them included.
+
+    Surfaces that reflect F each pass (1 - F) / (1 + F) together, and its root each.
+
+    Args:
+        cosine: (...,) of the angle to the normal
+        ior: index of refraction, at least 1
+    """
+    g = np.sqrt(ior * ior - 1 + cosine * cosine)
+    a = (g - cosine) / np.maximum(g + cosine, 1e-12)
+    b = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    reflected = 0.5 * a * a * (1 + b * b)
+    passed: Floats = np.sqrt((1 - reflected) / (1 + reflected))
+    return passed
+
+
+def mean_pane_transmittance(ior: float) -> float:
+    """`pane_transmittance` of uniform hemispherical light."""
+    cosine, weight = _directions()
+    return float(weight @ pane_transmittance(cosine, ior))
 
 
 def glossy_albedo(roughness: float, fresnel: Fresnel, multiscatter: bool = True) -> Float64:

@@ -33,6 +33,7 @@ class Material:
         emission: emitted radiance of either face, W/(m2 sr)
         group: light group of the emission, index into Scene.groups
         transmittance: share of the light that goes straight on, each channel in [0, 1]
+        ior: index of refraction of clear glass: the transmittance is then a mean, and follows the angle; 1 for others
         varies: which of these change over the surface; a Shader tells them, the values here are their means
     """
 
@@ -41,6 +42,7 @@ class Material:
     emission: RGB = (0.0, 0.0, 0.0)
     group: int = 0
     transmittance: RGB = (0.0, 0.0, 0.0)
+    ior: float = 1.0
     varies: frozenset[Quantity] = frozenset()
 
 

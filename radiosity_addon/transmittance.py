@@ -13,6 +13,7 @@ import numpy as np
 
 from .arrays import Bools, Float32, Float64, Int32, Int64
 from .cells import along_z_order
+from .microfacet import mean_pane_transmittance, pane_transmittance
 from .scene import Scene
 from .shading import Layout, Shader
 from .surfaces import BLOCK, Surfaces
@@ -37,6 +38,8 @@ class Transmittance:
     Attributes:
         value: (C, F) float32, of triangles without a picture
         lowest, highest: (F,) float32, over a triangle and its channels
+        ior: (F,) float32, index of refraction of clear glass, 1 for others
+        mean: (F,) float32, what such glass passes on average over directions
         picture: (F,) int32, number among the K triangles with a picture, -1 for others
         lookup: (6, K) float32, texel coordinates x0, y0, dx/du, dx/dv, dy/du, dy/dv of each
         texels: (C, size * size) float32
@@ -46,6 +49,8 @@ class Transmittance:
     value: Float32
     lowest: Float32
     highest: Float32
+    ior: Float32
+    mean: Float32
     picture: Int32
     lookup: Float32
     texels: Float32
@@ -65,14 +70,23 @@ class Transmittance:
         """(F,) bool, triangles that let everything through: to light they are not there."""
         return np.asarray(self.lowest > 1 - NEARLY)
 
-    def at(self, triangle: Int32 | Int64, u: Float32, v: Float32) -> Float32:
-        """Shares (C, R) at barycentrics u, v (R,) of triangles (R,), pictures interpolated linearly."""
+    def at(self, triangle: Int32 | Int64, u: Float32, v: Float32, cosine: Float32 | None = None) -> Float32:
+        """Shares (C, R) at barycentrics u, v (R,) of triangles (R,), pictures interpolated linearly.
+
+        Args:
+            cosine: (R,) between ray and normal; None: the mean over directions
+        """
         share = self.value.take(triangle, axis=1)
         number = self.picture[triangle]
         shown = np.flatnonzero(number >= 0)
         for start in range(0, len(shown), BLOCK):
             part = shown[start : start + BLOCK]
             share[:, part] = self._interpolated(number[part], u[part], v[part])
+        if cosine is not None:
+            glass = np.flatnonzero(self.ior[triangle] > 1)
+            which = triangle[glass]
+            follows = pane_transmittance(cosine[glass], self.ior[which]) / self.mean[which]
+            share[:, glass] = np.minimum(share[:, glass] * follows, 1)
         return share
 
     def _interpolated(self, number: Int32, u: Float32, v: Float32) -> Float32:
@@ -119,10 +133,13 @@ def transmittance_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, de
         value[:, chosen] = 0
     if max(float(np.ptp(part, axis=0).max(initial=0)) for part in (value, texels)) < NEARLY:
         value, texels = value[:1], texels[:1]
+    means = [mean_pane_transmittance(material.ior) for material in scene.materials]
     return Transmittance(
         value=np.ascontiguousarray(value),
         lowest=lowest,
         highest=highest,
+        ior=np.array([material.ior for material in scene.materials], np.float32)[surfaces.material],
+        mean=np.array(means, np.float32)[surfaces.material],
         picture=picture,
         lookup=cells.lookup,
         texels=np.ascontiguousarray(texels),

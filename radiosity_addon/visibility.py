@@ -24,6 +24,9 @@ SEGMENT_END = np.float32(1.0 - 1e-4)
 MOST_LAYERS = 256
 """Surfaces that a ray can pass; the next one stops it."""
 
+TINY = np.float32(1e-30)
+"""Keeps 0 / 0 from arising; normals of slivers may vanish."""
+
 FLATTEST = np.float32(0.01)
 """Least cosine with which a ray is taken to pass a surface: nearly parallel ones would step on too far."""
 
@@ -235,10 +238,10 @@ class Visibility:
             met = np.flatnonzero(hits.triangle >= 0)
             ray, way, normal, begin = ray[met], way[met], normal[met], begin[met]
             hits = Hits(hits.triangle[met], hits.u[met], hits.v[met], begin + hits.distance[met], hits.front[met])
-            onward = passing(ray, hits, self.transmittance.at(hits.triangle, hits.u, hits.v))
             length, across = (np.sqrt(np.einsum("ij,ij->i", part, part)) for part in (way, normal))
-            facing = np.abs(np.einsum("ij,ij->i", way, normal))
-            begin = hits.distance + self._lift * across / np.maximum(facing, FLATTEST * length * across)
+            cosine = np.abs(np.einsum("ij,ij->i", way, normal)) / np.maximum(length * across, TINY)
+            onward = passing(ray, hits, self.transmittance.at(hits.triangle, hits.u, hits.v, np.minimum(cosine, 1)))
+            begin = hits.distance + self._lift / (length * np.maximum(cosine, FLATTEST))
             kept = np.flatnonzero(onward & (begin < ends[ray]))
             ray, begin = ray[kept], begin[kept]
         return ray

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from radiosity_addon.microfacet import mean_pane_transmittance
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.surfaces import flatten
 from radiosity_addon.transmittance import BUDGET, Transmittance, transmittance_of
@@ -188,3 +189,13 @@ def test_clear_triangles_are_met_by_no_ray() -> None:
     assert through.transmitted(*ray)[0, 0] == 1
     assert through.first_hit(*ray).triangle[0] < 0
     assert through.escapes(*ray)[0]
+
+
+def test_a_slab_of_glass_passes_less_at_grazing_angles() -> None:
+    """Two surfaces of n = 1.5 pass (1 - F) / (1 + F): 12 / 13 from above, and by Fresnel at 60 degrees, F = 0.0892."""
+    mean = mean_pane_transmittance(1.5)
+    slab = Material("Glass", (0.0,) * 3, transmittance=(mean,) * 3, ior=1.5)
+    through = seen_through(Scene((panes([-0.05, 0.05], [0, 0], 60.0),), (slab,)))
+    ways = np.float32([[0, 0, -1], [3**0.5, 0, -1]])
+    share = through.transmitted(-ways + np.float32([0.01, 0.02, 0]), 2 * ways)[0]
+    assert share == pytest.approx([12 / 13, (1 - 0.0892) / (1 + 0.0892)], abs=1e-4)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import Float64
 from ..errors import SceneError
-from ..microfacet import dielectric_fresnel, glossy_albedo, metal_fresnel
+from ..microfacet import dielectric_fresnel, glossy_albedo, mean_pane_transmittance, metal_fresnel
 from ..scene import MAX_REFLECTANCE, RGB, Material
 from ..shading import QUANTITIES, Quantity
 from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
@@ -35,11 +35,15 @@ StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each."""
+    """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each.
+
+    `refracted` is the transmittance times the index of refraction of what lets light pass.
+    """
 
     reflectance: Float64 = field(default_factory=lambda: BLACK)
     emission: Float64 = field(default_factory=lambda: BLACK)
     transmittance: Float64 = field(default_factory=lambda: BLACK)
+    refracted: Float64 = field(default_factory=lambda: BLACK)
 
     def __add__(self, other: Shading) -> Shading:
         return Shading(*(one + two for one, two in zip(self._parts, other._parts, strict=True)))
@@ -49,10 +53,21 @@ class Shading:
 
     @property
     def _parts(self) -> tuple[Float64, ...]:
-        return self.reflectance, self.emission, self.transmittance
+        return self.reflectance, self.emission, self.transmittance, self.refracted
 
 
 NOTHING = Shading()
+
+
+def glass(color: Float64, ior: float) -> Shading:
+    """One surface of clear glass: what it does not let pass it reflects, both coloured."""
+    passed = mean_pane_transmittance(max(ior, 1.0))
+    return Shading(color * (1 - passed), transmittance=color * passed, refracted=color * passed * max(ior, 1.0))
+
+
+def clear(color: Float64) -> Shading:
+    """What light passes as if it were not there, but coloured."""
+    return Shading(transmittance=color, refracted=color)
 
 
 def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -> Material:
@@ -84,6 +99,9 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
         emission=rgb(np.maximum(emission, 0)),
         group=group if emission.any() or "emission" in varies else 0,
         transmittance=rgb(np.clip(transmittance, 0, 1)),
+        ior=float(np.clip(shading.refracted.sum() / max(transmittance.sum(), 1e-9), 1, None))
+        if transmittance.any()
+        else 1.0,
         varies=varies,
     )
 
@@ -128,7 +146,7 @@ def _as_rays_meet_it(tree: bpy.types.NodeTree, stand_in: StandIn, warn: Warn | N
     """What shadow rays are let through, and what others see."""
     shown = _surface(tree, _Reader(warn or _say_nothing, stand_in))
     passed = _surface(tree, _Reader(_say_nothing, stand_in, SHADOW_PATH))
-    return replace(shown, transmittance=passed.transmittance)
+    return replace(shown, transmittance=passed.transmittance, refracted=passed.refracted)
 
 
 def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
@@ -213,19 +231,20 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     multiscatter = node.distribution == "MULTI_GGX"
     metallic = reader.share(node, "Metallic", groups)
     transmission = reader.share(node, "Transmission Weight", groups)
-    reflectance = passed = BLACK
+    shading = NOTHING
     if metallic < 1:
         ior = max(reader.number(node, "IOR", groups), 1.0)
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
         gloss = glossy_albedo(roughness, dielectric_fresnel(ior, tint, 2 * level), multiscatter)
-        reflectance = gloss + (1 - gloss.max()) * (1 - transmission) * base
-        # light that goes in and comes out again passes two surfaces, and is coloured once
-        passed = (1 - metallic) * (1 - gloss.max()) * transmission * np.sqrt(np.clip(base, 0, 1))
+        shading = Shading(gloss + (1 - gloss.max()) * base) * (1 - transmission)
+        # what goes in and comes out again passes two surfaces, and is coloured once
+        through = glass(np.sqrt(np.clip(base, 0, 1)), ior)
+        shading = shading + replace(through, reflectance=through.reflectance.max() * WHITE) * transmission
     if metallic > 0:
-        metal = glossy_albedo(roughness, metal_fresnel(base, tint), multiscatter)
-        reflectance = metallic * metal + (1 - metallic) * reflectance
+        metal = Shading(glossy_albedo(roughness, metal_fresnel(base, tint), multiscatter))
+        shading = metal * metallic + shading * (1 - metallic)
     emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
-    shading = Shading(reflectance, emission, passed)
+    shading = shading + Shading(emission=emission)
     coat = reader.share(node, "Coat Weight", groups)
     if coat > 0:
         rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
@@ -236,7 +255,7 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     if reader.number(node, "Sheen Weight", groups) > 0:
         reader.warn(f"the sheen of {node.name} is ignored")
     alpha = reader.share(node, "Alpha", groups)
-    return shading * alpha + Shading(transmittance=(1 - alpha) * WHITE)
+    return shading * alpha + clear((1 - alpha) * WHITE)
 
 
 def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -261,10 +280,7 @@ def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
 
 def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"light passes {node.name} unbent")
-    fresnel = dielectric_fresnel(max(reader.number(node, "IOR", groups), 1.0), WHITE)
-    color = reader.color(node, "Color", groups)
-    gloss = glossy_albedo(reader.share(node, "Roughness", groups), fresnel)
-    return Shading(color * gloss, transmittance=color * (1 - gloss))
+    return glass(reader.color(node, "Color", groups), reader.number(node, "IOR", groups))
 
 
 def _refraction(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -273,7 +289,7 @@ def _refraction(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
 
 
 def _clear(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    return Shading(transmittance=reader.color(node, "Color", groups))
+    return clear(reader.color(node, "Color", groups))
 
 
 def _black(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:

@@ -159,6 +159,11 @@ class Sampler:
         self._held = {**held, "Alpha": WHITE}
         return rgb(READERS[node.type](self, node, self.groups).reflectance)
 
+    def transmittance(self, node: bpy.types.Node, held: dict[str, RGB]) -> RGB:
+        """What a closure of full alpha lets straight through."""
+        self._held = {**held, "Alpha": WHITE}
+        return rgb(READERS[node.type](self, node, self.groups).transmittance)
+
     def warn(self, message: str) -> None:
         """Stay silent: the extractor has said it."""
 
@@ -284,15 +289,15 @@ class ShaderReader(Arithmetic):
         if node.type == "BSDF_REFRACTION":
             return self.color(color)
         if node.type == "BSDF_GLASS":
-            lost = Sampler(self.groups).reflectance(node, {color.name: WHITE})
-            return self.multiply(self.color(color), self.complement(lost))
+            return self.multiply(self.color(color), Sampler(self.groups).transmittance(node, {color.name: WHITE}))
         if node.type == "BSDF_PRINCIPLED":
             weight = self.clamped(self.number(node.inputs["Transmission Weight"]))
             if weight == BLACK:
                 return BLACK
             dielectric = self.complement(self.clamped(self.number(node.inputs["Metallic"])))
-            gloss = max(Sampler(self.groups).reflectance(node, {color.name: BLACK, "Metallic": BLACK}))
-            passed = self.multiply(self.root(self.clamped(self.color(color))), (1 - gloss, 1 - gloss, 1 - gloss))
+            held = {color.name: WHITE, "Metallic": BLACK, "Transmission Weight": WHITE, "Coat Weight": BLACK}
+            passed = Sampler(self.groups).transmittance(node, held)
+            passed = self.multiply(self.root(self.clamped(self.color(color))), passed)
             return self.multiply(self.multiply(weight, dielectric), passed)
         return BLACK
 
