@@ -9,37 +9,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from .appearance import Appearance, appearance_of
-from .arrays import Bools, Float32, Float64, Int64
-from .bounces import bounce_limits, clamped, patch_light
+from .arrays import Bools, Float32, Int64
+from .bounces import clamped
 from .chunks import Fractions, scaled
 from .errors import SceneError
-from .form_factor import trace_transport
+from .exchange import Start, exchange_light
 from .gather import final_gather
 from .glow import glow_of
 from .illumination import (
-    Exitance,
     Illumination,
-    PatchLight,
     cell_radiance,
-    first_exitance,
-    sky_irradiance,
     world_radiance,
 )
 from .lightmap import compose
 from .lights import Lamps, direct_irradiance, lamps_of
 from .opacity import opacity_of
-from .patches import Patches, group_patches
-from .radiosity import Solution
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
 from .sky import sky_of
-from .solvers import SOLVERS
 from .stages import Progress, Stage, StageLog
+from .subdivision import patch_edges
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
 from .transmittance import transmittance_of
-from .transport import Transport
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
@@ -74,6 +67,9 @@ class Baked:
 PAIRED_PATCHES = 1200
 """Patches where every pair is looked at: work grows with their square."""
 
+EDGE_SHADE = 0.3
+"""Of their light, what texels at the edges of patches show where patches are to be seen."""
+
 LEAST_PATCHES = 2500
 """Patches of the smallest scenes: fewer would save no time worth having."""
 
@@ -106,25 +102,21 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     opacity = opacity_of(texels, transmittance)
     if opacity is not None:
         look = look.stopped(opacity)
-    aimed, emission = _patches_for(wanted, settings), np.pi * look.emission
-    patches = group_patches(
-        texels, walls, look.reflectance, emission, solid, aimed, visibility, settings.workers, opacity
-    )
-    transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, sky))
-    from_sky = sky_irradiance(transport, scene)
-    exitance = first_exitance(patches, look, direct, from_sky, lamps, visibility, groups)
-    between = _light_between(log, transport, patches, exitance, from_sky, bounce_limits(scene, settings), settings)
-    solution, passes = yield from log.stage("Radiosity", between)
+    start = Start(scene, texels, walls, solid, look, opacity, lamps, sky, direct)
+    exchange = yield from exchange_light(start, _patches_for(wanted, settings), visibility, settings, log)
+    patches, solution = exchange.patches, exchange.solution
     bounced = clamped(direct, look.reflectance, settings.clamp_indirect)
     light = Illumination(
-        look=look, direct=bounced, passes=passes, world=world_radiance(scene), sky=cell_radiance(sky, scene)
+        look=look, direct=bounced, passes=exchange.passes, world=world_radiance(scene), sky=cell_radiance(sky, scene)
     )
     if settings.final_gather:
         indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
     else:
         indirect = light.irradiance_of_patches(patches)
-    light_of_lamps = clamped(direct, look.reflectance, settings.clamp_direct)
-    pages = yield from log.stage("Pages", _pages(texels, light_of_lamps + indirect, atlas))
+    irradiance = clamped(direct, look.reflectance, settings.clamp_direct) + indirect
+    if settings.show_patches:
+        irradiance[patch_edges(patches)] *= EDGE_SHADE
+    pages = yield from log.stage("Pages", _pages(texels, irradiance, atlas))
     warnings = (*scene.warnings, *atlas.warnings, *warnings)
     if not solution.converged and settings.most_steps is None:
         warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
@@ -167,34 +159,6 @@ def _patches_for(wanted: Bools, settings: BakeSettings) -> int:
     if settings.form_factors == "area":
         return PAIRED_PATCHES
     return max(LEAST_PATCHES, int(settings.steps.patches * np.sqrt(np.count_nonzero(wanted) / 1e6)))
-
-
-def _light_between(
-    log: StageLog,
-    transport: Transport,
-    patches: Patches,
-    exitance: Exitance,
-    sky: Float64,
-    limits: tuple[int | None, ...],
-    settings: BakeSettings,
-) -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
-    """Refine to the tolerance, the share done by the residual's decades; then the bounces that are counted."""
-    endless = np.array([limit is None for limit in limits])[:, None]
-    limit = {} if settings.most_steps is None else {"most_steps": settings.most_steps}
-    steps = SOLVERS[settings.solver](transport, patches, exitance.total * endless, settings.tolerance, **limit)
-    decades = -np.log(settings.tolerance)
-    while True:
-        try:
-            log.residual = next(steps).residual
-        except StopIteration as stop:
-            solution: Solution = stop.value
-            log.residual = solution.residuals[-1]
-            break
-        yield 0.9 * min(1.0, float(-np.log(max(log.residual, 1e-12)) / decades))
-    if settings.ambient:
-        solution = solution.with_ambient(patches.reflectance)
-    counted = patch_light(transport, patches, exitance, sky, solution, limits, settings.steps.gather_passes)
-    return solution, (yield from scaled(counted, 0.9, 1.0))
 
 
 def _pages(texels: Texels, irradiance: Float32, atlas: Atlas) -> Fractions[list[Float32]]:

@@ -65,6 +65,8 @@ class Verb:
     intent: str | None = None
     object: tuple[str, ...] = ()
     passes: tuple[int, ...] | None = None
+    splits: tuple[int, ...] | None = None
+    subdivisions: int | None = None
     picture: Path | None = None
     quiet: bool = False
 
@@ -122,6 +124,12 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
         help=f"how the equation is solved; all end alike; default: {BakeSettings.solver}",
     )
     bake.add_argument(
+        "--subdivisions",
+        type=int,
+        metavar="N",
+        help="how often patches are split where radiosity changes across them; default: 0",
+    )
+    bake.add_argument(
         "--tolerance",
         type=float,
         metavar="F",
@@ -170,6 +178,13 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     )
     passes.add_argument(
         "--passes", type=_numbers, metavar="N,N,...", help="default: 1,2,3,6 for jacobi, 1,10,100,1000 for progressive"
+    )
+    passes.add_argument(
+        "--subdivisions",
+        dest="splits",
+        type=_splits,
+        metavar="N,N,...",
+        help="in place of passes: the patches after so many adaptive subdivisions, with and without their edges",
     )
     passes.add_argument("--picture", type=_png, required=True, metavar="SHEET.png", help="the contact sheet")
     passes.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
@@ -233,14 +248,18 @@ def _bounces(text: str) -> str | int:
         raise argparse.ArgumentTypeError(f"{text!r} is neither all, scene nor a number") from error
 
 
-def _numbers(text: str) -> tuple[int, ...]:
+def _numbers(text: str, least: int = 1) -> tuple[int, ...]:
     try:
         numbers = tuple(int(part) for part in text.split(","))
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} are no numbers parted by commas") from error
-    if min(numbers) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: the first pass is 1")
+    if min(numbers) < least:
+        raise argparse.ArgumentTypeError(f"{text!r}: the first is {least}")
     return numbers
+
+
+def _splits(text: str) -> tuple[int, ...]:
+    return _numbers(text, 0)
 
 
 def _path_with(text: str, suffix: str) -> Path:

@@ -132,6 +132,7 @@ def group_patches(
     visibility: Visibility,
     workers: int = 1,
     opacity: Opacity | None = None,
+    levels: Int32 | None = None,
 ) -> Patches:
     """Group texels into about `target` patches, none of which lies on both sides of a wall.
 
@@ -142,6 +143,7 @@ def group_patches(
         emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp, over the area that stops light
         solid: (F,) bool, triangles without a back side
         opacity: what texels stop; None: everything
+        levels: (T,) how often cells are halved at each texel, fronts alone; None: nowhere
     """
     stopping = texels.area if opacity is None else texels.area * opacity.share
     taking = np.flatnonzero(texels.valid & (stopping > 0)).astype(np.int32)
@@ -160,7 +162,7 @@ def group_patches(
 
     row, column = np.divmod(texels.pixel, texels.size)
     some = ((row + column) & 1) == 0  # of backs, as on a chessboard: walls were looked for on fronts
-    front, fronts = parted(*_cells(texels, taking, width), taking, walls.border, 1)
+    front, fronts = parted(*_cells(texels, taking, width, levels), taking, walls.border, 1)
     behind, backs = parted(*_cells(texels, taking[hollow], width * BACK_COARSENESS), taking[hollow], some, -1)
     count = fronts + backs
 
@@ -209,9 +211,11 @@ def _sums(members: Int32, owners: Int32, area: Float32, values: Float32 | None, 
     return total
 
 
-def _cell_keys(texels: Texels, chosen: Int32, width: float) -> Int64:
+def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None) -> Int64:
     """One number for each texel (C,): equal for texels of one cell, facing, material and connected surface."""
     surfaces = texels.surfaces
+    deepest = 0 if levels is None else int(levels.max(initial=0))
+    coarse, width = width, width / 2**deepest
     flat = surfaces.corners.reshape(-1, 3)
     low = np.floor(flat.min(0) / width).astype(np.int64) - 1
     sizes = np.floor(flat.max(0) / width).astype(np.int64) - low + 2
@@ -221,9 +225,13 @@ def _cell_keys(texels: Texels, chosen: Int32, width: float) -> Int64:
         own = chosen[start : start + BLOCK]
         key = label[texels.triangle[own, 0]] * 6
         key += _facing(*np.ascontiguousarray(texels.normal[own].T))
+        finest: Float32 | np.float32 = np.float32(width)
+        if levels is not None:
+            key = key * (deepest + 1) + levels[own]
+            finest = (coarse / (1 << levels[own])).astype(np.float32)
         for place, least, size in zip(texels.position[own].T, low, sizes, strict=True):
             key *= size
-            key += np.floor(place / np.float32(width)).astype(np.int64)
+            key += np.floor(place / finest).astype(np.int64)
             key -= least
         keys[start : start + BLOCK] = key
     return keys
@@ -248,9 +256,9 @@ def mixed_radix(*parts: Int32 | Int64) -> Int64:
     return key
 
 
-def _cells(texels: Texels, chosen: Int32, width: float) -> tuple[Int32, int]:
+def _cells(texels: Texels, chosen: Int32, width: float, levels: Int32 | None = None) -> tuple[Int32, int]:
     """Number of the cell of each chosen texel (C,), and how many cells there are."""
-    key = _cell_keys(texels, chosen, width)
+    key = _cell_keys(texels, chosen, width, levels)
     begin, length = _runs(key)
     names, cell = np.unique(key[begin], return_inverse=True)
     return np.repeat(cell.reshape(-1).astype(np.int32), length), len(names)

@@ -18,6 +18,7 @@ SolverName = Literal[
 FormFactorName = Literal["nusselt", "hemicube", "area"]
 FORM_FACTOR_NAMES: tuple[str, ...] = get_args(FormFactorName)
 SOLVER_NAMES: tuple[str, ...] = get_args(SolverName)
+MOST_SUBDIVISIONS = 4
 MAX_PAGE_SIZE = 8192
 
 
@@ -69,7 +70,9 @@ class BakeSettings:
             that reflected light may have, as Cycles clamps samples; 0 for no limit
         most_steps: steps after which the solver stops unfinished; None for its own limit
         ambient: guess what an unfinished solver has left unshot
+        subdivisions: how often patches are split where radiosity changes across them, from ever coarser ones
         final_gather: rays bring the light of patches to texels; without, each texel shows its patch's
+        show_patches: darken the texels at the edges of patches
         threads: worker threads; 0 takes all processors that the process may use
     """
 
@@ -84,7 +87,9 @@ class BakeSettings:
     clamp_indirect: float = 0.0
     most_steps: int | None = None
     ambient: bool = False
+    subdivisions: int = 0
     final_gather: bool = True
+    show_patches: bool = False
     threads: int = 0
     workers: int = field(init=False, default=1)
 
@@ -107,6 +112,10 @@ class BakeSettings:
             raise SettingsError("Solver", f"{self.solver!r} is unknown", "Choose from " + ", ".join(SOLVER_NAMES))
         if not 1e-8 <= self.tolerance < 1:
             raise SettingsError("Tolerance", f"{self.tolerance} is out of range", "Choose from 1e-8 to below 1")
+        if not 0 <= self.subdivisions <= MOST_SUBDIVISIONS:
+            raise SettingsError(
+                "Subdivisions", f"{self.subdivisions} is out of range", f"Choose from 0 to {MOST_SUBDIVISIONS}"
+            )
         if self.bounces is not None and self.bounces < 0:
             raise SettingsError("Bounces", f"{self.bounces} is below zero", "Give 0 for direct light only, or more")
         for clamp in (self.clamp_direct, self.clamp_indirect):

@@ -67,8 +67,9 @@ class StageLog:
         return self.visibility.rays if self.visibility else 0
 
     def stage(self, name: str, steps: Generator[float, None, T]) -> Generator[Progress, None, T]:
-        """Run a stage; its time is all that passed since the last one ended."""
-        share, done = STAGES[name], 0.0
+        """Run a stage; its time is all that passed since the last one ended. One that comes again adds to the first."""
+        before = next((stage for stage in self.stages if stage.name == name), None)
+        share, done = 0.0 if before else STAGES[name], 0.0
         try:
             yield Progress(name, self._before, self.residual, self.rays)
             while True:
@@ -82,6 +83,10 @@ class StageLog:
             steps.close()
         self._before += share
         now = time.perf_counter()
-        self.stages.append(Stage(name, now - self._start, self.rays - self._rays))
+        found = Stage(name, now - self._start, self.rays - self._rays)
+        if before:
+            self.stages.remove(before)
+            found = Stage(name, before.seconds + found.seconds, before.rays + found.rays)
+        self.stages.append(found)
         self._start, self._rays = now, self.rays
         return result

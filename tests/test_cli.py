@@ -79,7 +79,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
         "--write-back uv --tolerance 1e-4 --bounces 3 --report r.json --render p.png --object Wall Floor --object Lamp"
     )
     form = "--format rgbm --depth float --compression piz --exposure -1.5 --transfer linear --target-space p3"
-    last = "--intent perceptual --form-factors area"
+    last = "--intent perceptual --form-factors area --subdivisions 2"
     given = " ".join([words, more, form, last])
     assert cli.main(["bake", str(blend), "-o", "out.blend", *given.split()]) == 0
     here = Path.cwd()
@@ -96,6 +96,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
                 page_size=512,
                 quality="high",
                 form_factors="area",
+                subdivisions=2,
                 solver="jacobi",
                 tolerance=1e-4,
                 bounces=3,
@@ -279,8 +280,8 @@ def test_durations_read_as_clocks(seconds: float, shown: str) -> None:
 
 
 def test_passes_are_numbers_from_one_on(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> None:
-    assert cli.main(["passes", str(blend), "--passes", "1,2,30", "--picture", "s.png"]) == 0
-    wanted = cli.Verb("passes", blend, solver="jacobi", passes=(1, 2, 30), picture=Path.cwd() / "s.png")
+    assert cli.main(["passes", str(blend), "--passes", "1,2,30", "--subdivisions", "0,2", "--picture", "s.png"]) == 0
+    wanted = cli.Verb("passes", blend, solver="jacobi", passes=(1, 2, 30), splits=(0, 2), picture=Path.cwd() / "s.png")
     assert ran == [(wanted, False)]
     for wrong in ("0,1", "1;2", ""):
         assert cli.main(["passes", str(blend), "--passes", wrong, "--picture", "s.png"]) == 2

@@ -42,7 +42,9 @@ def contact_sheet(verb: Verb, meter: Meter) -> None:
     # The sheet compares solvers: what the scene says about solver and bounces has no part in it.
     plain = replace(bake_settings(scene, verb), solver="progressive", bounces=None)
     rows = _jacobi(plain, verb.passes or JACOBI)
-    if verb.solver == "progressive":
+    if verb.splits:
+        rows = _subdivided(plain, verb.splits)
+    elif verb.solver == "progressive":
         rows = _progressive(plain, verb.passes or PROGRESSIVE)
     with Transaction() as files, tempfile.TemporaryDirectory(prefix="radiosity-") as folder:
         files.make_folder(verb.picture.parent)
@@ -86,6 +88,21 @@ def _progressive(settings: BakeSettings, shots: tuple[int, ...]) -> list[Row]:
             for number in shots
         ]
         for ambient in (False, True)
+    ]
+
+
+def _subdivided(settings: BakeSettings, numbers: tuple[int, ...]) -> list[Row]:
+    """Patches that were split so often, with their edges, and their light alone."""
+    names = {0: "Patches", 1: "Split once", 2: "Split twice"}
+    return [
+        [
+            (
+                names.get(number, f"Split {number} times") if edges else "",
+                replace(settings, subdivisions=number, final_gather=False, show_patches=edges),
+            )
+            for number in numbers
+        ]
+        for edges in (True, False)
     ]
 
 
