@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 
 from ..arrays import Float64
+from ..color.spaces import REC709
+from .working_space import blackbody_color, working_space
 
 Groups: TypeAlias = tuple[bpy.types.ShaderNodeGroup, ...]
 """The group nodes that a socket is inside of, outermost first."""
@@ -80,6 +82,9 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
         return _default(end)
     if end.node.type == "LIGHT_FALLOFF":
         return _falloff(end, groups)
+    if end.node.type == "BLACKBODY":
+        kelvin = known(end.node.inputs["Temperature"], groups)
+        return None if kelvin is None else blackbody_color(float(kelvin[0]))
     return np.full(3, path.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
 
 
@@ -118,6 +123,8 @@ def image_mean(image: bpy.types.Image | None) -> Float64 | None:
     rgb = pixels.reshape(-1, image.channels)[:, : min(image.channels, 3)]
     if not image.is_float and image.colorspace_settings.name == "sRGB":  # bytes are kept as encoded
         rgb = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        mean = rgb.mean(axis=0, dtype=np.float64)
+        return REC709.to(working_space()) @ mean if len(mean) == 3 else np.full(3, mean[0])
     mean = rgb.mean(axis=0, dtype=np.float64)
     return mean if len(mean) == 3 else np.full(3, mean[0])
 
