@@ -73,7 +73,7 @@ class Layout:
     def place(self, scale: float, box: Float64) -> Place:
         """Where a member lies whose rectangle has these triangles (2, 3, 2) on the page, `scale` per metre."""
         u, v = box[0, 0].tolist()
-        return scale * self.edge, u, v
+        return float(scale * self.edge), u, v
 
     def placed(self, mesh: Mesh, place: Place) -> tuple[Float32, Int32]:
         """Uv (F, 3, 2) and chart (F,) of a member's triangles; `place` is its scale and shift."""

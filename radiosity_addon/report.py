@@ -41,6 +41,8 @@ class BakedObject:
         density: texels per metre
         uv_scale, uv_offset: where its place differs from its mesh's uv map
         matrix: 4 x 4 world matrix of an instance
+        instancer: of an instance, the object that makes it
+        index: of an instance, which of the instancer's it is, a number for each level of instancing
     """
 
     source: str
@@ -51,6 +53,8 @@ class BakedObject:
     uv_scale: tuple[float, float] | None = None
     uv_offset: tuple[float, float] | None = None
     matrix: Sequence[Sequence[float]] | None = None
+    instancer: str | None = None
+    index: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,8 @@ def _as_dict(baked: BakedObject) -> dict[str, Any]:
         entry["uv_offset"] = [float(x) for x in baked.uv_offset]
     if baked.matrix is not None:
         entry["matrix"] = [[float(x) for x in row] for row in baked.matrix]
+    if baked.instancer is not None:
+        entry |= {"instancer": baked.instancer, "index": [int(x) for x in baked.index]}
     return entry
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -15,12 +15,22 @@ from ..bounces import ENDLESS
 from ..errors import SceneError
 from ..scene import Light, Material, Mesh, Scene, World
 from .evaluation import at_render_settings
+from .instances import RAYS, instance_index, is_instance, settings_of
 from .lamps import read_lamp
 from .materials import read_material
 from .names import is_stand_in, original_material
 from .nodes import LinkCycle
-from .preflight import check_can_carry, check_is_there, check_memory, check_size, finite_matrix, is_flat
+from .preflight import (
+    check_can_carry,
+    check_can_stand_in,
+    check_is_there,
+    check_memory,
+    check_size,
+    finite_matrix,
+    is_flat,
+)
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
+from .shared_shapes import SharedShapes
 from .spline_meshes import SplineMeshes, is_bare_tube
 from .stand_in import as_unbaked
 from .surface_answers import SurfaceAnswers
@@ -31,8 +41,9 @@ from .world import read_world, render_sky
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
 
-NO_PARTNER = 2**31 - 1
-"""What Blender fills a persistent id with after its last level."""
+LEFT_OUT = "{} is left out: {}"
+NO_FACES = "it has no faces"
+"""Said of an object unless it is there for the instances that it makes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +52,14 @@ class Source:
 
     Attributes:
         object_name: the object; of an instance, the object that is instanced
+        library: file that the object is linked from, None for one of this file
         mesh: index into Scene.meshes
         own_mesh: the rendered mesh has the loops of the object's own mesh, so a uv map can be written onto that
         materials: name of the material in each slot as rendered, "" for an empty slot
         slot: (F,) int32, slot of each triangle, as stored (may lie beyond the slots)
         matrix: (4, 4) world matrix of an instance, or None where the object stands itself
+        instancer: of an instance, the object of the scene that makes it, "" where the object stands itself
+        index: of an instance, which of the instancer's it is, a number for each level of instancing
     """
 
     object_name: str
@@ -54,6 +68,9 @@ class Source:
     materials: tuple[str, ...]
     slot: Int32
     matrix: Float64 | None = None
+    instancer: str = ""
+    index: tuple[int, ...] = ()
+    library: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +83,7 @@ class Extraction:
         skipped: objects that get no lightmap, with the reason
         materials: full name of each of Scene.materials, "" for the default surface
         surfaces: by index of the mesh, what surfaces whose materials vary answer to those
+        instancers: names of the objects that make instances, and of the objects that these show
     """
 
     scene: Scene
@@ -73,6 +91,7 @@ class Extraction:
     skipped: tuple[tuple[str, str], ...]
     materials: tuple[str, ...] = ()
     surfaces: Mapping[int, SurfaceAnswers] = field(default_factory=dict)
+    instancers: Mapping[str, Collection[str]] = field(default_factory=dict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -128,7 +147,8 @@ class _Reading:
         self.sources: list[Source] = []
         self.lights: list[Light] = []
         self.skipped: dict[str, str] = {}
-        self.instances: Counter[tuple[str, str]] = Counter()
+        self.families = SharedShapes()
+        self.instancers: dict[str, set[str]] = defaultdict(set)
         self.warnings: dict[str, None] = {}
         self.triangles = 0
         self.world = World()
@@ -144,10 +164,9 @@ class _Reading:
         finally:
             self.splines.remove()
         self.skip_unseen(seen)
-        for (name, maker), count in self.instances.items():
-            times = f"{count} instances" if count > 1 else "an instance"
-            reason = f"{times} made by {maker} can't carry a uv map; they only shadow and bounce light"
-            self.skipped[name] = "; ".join(filter(None, [self.skipped.get(name), reason]))
+        for name in self.instancers:
+            if self.skipped.get(name) == NO_FACES:
+                del self.skipped[name], self.warnings[LEFT_OUT.format(name, NO_FACES)]
         if not any(mesh.lightmapped for mesh in self.meshes):
             raise self.nothing_to_bake()
         self.read_world()
@@ -169,7 +188,8 @@ class _Reading:
             warnings=tuple(self.warnings),
         )
         names = tuple(name for name, _ in self.shown)
-        return Extraction(scene, tuple(self.sources), tuple(self.skipped.items()), names, self.surfaces)
+        skipped = tuple(self.skipped.items())
+        return Extraction(scene, tuple(self.sources), skipped, names, self.surfaces, self.instancers)
 
     def nothing_to_bake(self) -> SceneError:
         reasons = [
@@ -191,23 +211,25 @@ class _Reading:
         if not item.show_self:
             self.skipped.setdefault(thing.name, "only its instances are rendered")
             return
+        instanced = is_instance(item)
+        if instanced:
+            self.instancers[item.parent.original.name].add(thing.name)
         if thing.type == "LIGHT":
             self.read_lamp(thing, finite_matrix(item))
             return
-        instanced = item.is_instance and not _is_own_surface(item)
         if thing.type != "MESH" and not is_bare_tube(original, self.depsgraph):
             if thing.type in ("CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
                 self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
             return
         settings = getattr(original, "radiosity", None)
-        if getattr(settings, "exclude", False):
+        if any(getattr(each, "exclude", False) for each in settings_of(item)):
             self.skipped[thing.name] = "excluded from the bake"
             return
         try:
             self.read_surface(item, instanced, settings)
         except Skip as reason:
             self.skipped[thing.name] = str(reason)
-            self.warn(f"{thing.name} is left out: {reason}")
+            self.warn(LEFT_OUT.format(thing.name, reason))
 
     def read_surface(
         self,
@@ -219,15 +241,18 @@ class _Reading:
         editing = thing.data.is_editmode  # an edited mesh is evaluated on demand
         splines = self.splines.of(original)
         mesh: bpy.types.Mesh = splines.mesh if splines else thing.to_mesh() if editing else thing.data
-        lightmapped = self.gets_lightmap(thing.name, instanced, settings)
-        self.check_rays(thing)
+        lightmapped = self.gets_lightmap(item)
+        self.check_rays(thing, item.parent if instanced else thing)
         if not len(mesh.polygons):
-            raise Skip("it has no faces")
+            raise Skip(NO_FACES)
         if is_flat(matrix):
             raise Skip("its scale is zero along an axis")
-        if lightmapped:
+        shared = item.is_instance or original.data.users > 1
+        if lightmapped and instanced:
+            check_can_stand_in(item.parent.original, original, mesh)
+        elif lightmapped:
             check_can_carry(original)
-        shape = placed(self.shape(mesh, keep=item.is_instance or original.data.users > 1), matrix)
+        shape = placed(self.shape(mesh, keep=shared), matrix)
         self.triangles += len(shape.triangles)
         check_memory(thing.name, self.triangles)
         check_size(thing.name, shape.vertices)
@@ -247,16 +272,18 @@ class _Reading:
                 self.warn(f"{thing.name}: a spline is left out: {reason}")
             if lightmapped and uv is None:
                 uv, chart = splines.cut(shape.corner, matrix) or (None, None)
-        if instanced:
-            self.instances[thing.name, item.parent.name] += 1
+        uv_map = getattr(settings, "uv_map", "")
         self.sources.append(
             Source(
                 object_name=thing.name,
                 mesh=len(self.meshes),
-                own_mesh=not instanced and is_own_mesh(mesh, original),
+                own_mesh=is_own_mesh(mesh, original),
                 materials=tuple("" if slot is None else slot.original.name for slot in slots),
                 slot=shape.slot,
                 matrix=matrix if instanced else None,
+                instancer=item.parent.original.name if instanced else "",
+                index=instance_index(item) if instanced else (),
+                library=original.library.filepath if original.library else None,
             )
         )
         self.meshes.append(
@@ -272,21 +299,23 @@ class _Reading:
                 density=getattr(settings, "density", 1.0),
                 uv=uv,
                 chart=chart,
+                shape=self.families.number(mesh.as_pointer(), uv_map, matrix) if lightmapped and shared else None,
             )
         )
 
-    def check_rays(self, thing: bpy.types.Object) -> None:
-        if not (thing.visible_camera or thing.visible_diffuse or thing.visible_glossy or thing.visible_shadow):
+    def check_rays(self, thing: bpy.types.Object, maker: bpy.types.Object) -> None:
+        """An instance is seen by the rays that see both the object and what makes the instance."""
+        if not any(getattr(thing, name) and getattr(maker, name) for name in RAYS):
             raise Skip("it is invisible to all rays")
-        if not (thing.visible_diffuse and thing.visible_shadow):
+        if not all(each.visible_diffuse and each.visible_shadow for each in (thing, maker)):
             self.warn(f"{thing.name}: its ray visibility is not followed, it shadows and bounces light")
 
-    def gets_lightmap(self, name: str, instanced: bool, settings: bpy.types.PropertyGroup | None) -> bool:
-        if instanced:
-            return False
-        if self.only is not None and name not in self.only:
+    def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
+        name = item.object.name
+        chosen = {name, item.parent.name} if is_instance(item) else {name}
+        if self.only is not None and chosen.isdisjoint(self.only):
             self.skipped[name] = "not chosen; it only shadows and bounces light"
-        elif getattr(settings, "only_casts", False):
+        elif any(getattr(each, "only_casts", False) for each in settings_of(item)):
             self.skipped[name] = "set to only shadow and bounce light"
         else:
             return True
@@ -386,7 +415,7 @@ class _Reading:
             if thing.type not in SURFACES or thing.name in have_faces or is_stand_in(thing):
                 continue
             known = thing.name_full in seen
-            self.skipped.setdefault(thing.name, "it has no faces" if known else "it is hidden in renders")
+            self.skipped.setdefault(thing.name, NO_FACES if known else "it is hidden in renders")
 
 
 def kept_uv(mesh: bpy.types.Mesh, shape: Shape, name: str, settings: bpy.types.PropertyGroup | None) -> Float32 | None:
@@ -409,9 +438,3 @@ def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
     if original.type != "MESH" or any(mod.type == "NODES" and mod.show_render for mod in original.modifiers):
         return False
     return has_loops_of(rendered, original.data)
-
-
-def _is_own_surface(item: bpy.types.DepsgraphObjectInstance) -> bool:
-    """The faces of a curve, text and the like come as an instance of the object made by itself, at the first level."""
-    same = item.parent is not None and item.object.original == item.parent.original
-    return same and item.persistent_id[1] == NO_PARTNER

@@ -39,7 +39,16 @@ PREVIEW_KEY = "radiosity_preview"
 ORIGINAL_MATERIAL_KEY = "radiosity_original"
 """On a preview material: the material that it shows, absent where the slot was empty."""
 
-KEYS = (BAKE_KEY, PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY)
+PLACE_KEY = "radiosity_place"
+"""On an object that shares its uv map: its uv are scale * uv + (u, v), as (scale, u, v). Preview materials read it."""
+
+SLOTS_KEY = "radiosity_slots"
+"""On an object that shares its mesh: what its material slots were linked to."""
+
+KEYS = (
+    BAKE_KEY, PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY,
+    SLOTS_KEY,
+)  # fmt: skip
 
 
 def is_baked(scene: bpy.types.Scene) -> bool:

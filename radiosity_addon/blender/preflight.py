@@ -45,12 +45,33 @@ def check_can_carry(thing: bpy.types.Object) -> None:
         raise SceneError(thing.name, "it is linked from another file", local)
     if not data.is_editable and thing.override_library is None:
         raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
-    if not isinstance(data, bpy.types.Mesh) or has_our_uv_map(data):
-        return
-    if UV_MAP in data.uv_layers:
-        raise SceneError(thing.name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
-    if len(data.uv_layers) >= MAX_UV_MAPS:
-        raise SceneError(thing.name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
+    if isinstance(data, bpy.types.Mesh) and not has_our_uv_map(data):
+        _check_uv_room(thing.name, data)
+
+
+def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    """Whether stand-ins can take the place of an object's instances.
+
+    Args:
+        instancer: what makes them
+        thing: the object
+        mesh: as rendered
+
+    Raises:
+        SceneError: the instancer is linked, so that it can't be hidden, or the uv maps leave no room
+    """
+    if not instancer.is_editable:
+        local = "Make it local, or set what it shows to only shadow and bounce light"
+        raise SceneError(instancer.name, "it is linked from another file", local)
+    if not (has_our_uv_map(mesh) or (isinstance(thing.data, bpy.types.Mesh) and has_our_uv_map(thing.data))):
+        _check_uv_room(thing.name, mesh)
+
+
+def _check_uv_room(name: str, mesh: bpy.types.Mesh) -> None:
+    if UV_MAP in mesh.uv_layers:
+        raise SceneError(name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
+    if len(mesh.uv_layers) >= MAX_UV_MAPS:
+        raise SceneError(name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
 
 
 def check_memory(name: str, triangles: int) -> None:

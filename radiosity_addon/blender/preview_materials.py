@@ -8,10 +8,12 @@ surface's front; the back shows the same, so that a lone plane is not black from
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
 
 from .materials import DEFAULT_REFLECTANCE, tree_of
-from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, UV_MAP
+from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
 from .page_images import light_of
 from .preview_nodes import BLACK, Look, ShaderReader
 
@@ -28,16 +30,20 @@ class PreviewMaterials:
         """
         self.token = token
         self.images = images
-        self._made: dict[tuple[int, int], bpy.types.Material] = {}
+        self._made: dict[tuple[int, int, bool], bpy.types.Material] = {}
 
-    def of(self, material: bpy.types.Material | None, page: int) -> bpy.types.Material:
-        """The material's copy for a page; for an empty slot one in the grey that Cycles gives it."""
-        key = (0 if material is None else material.session_uid, page)
+    def of(self, material: bpy.types.Material | None, page: int, placed: bool) -> bpy.types.Material:
+        """The material's copy for a page; for an empty slot one in the grey that Cycles gives it.
+
+        Args:
+            placed: for objects that share a uv map, each with a place of its own
+        """
+        key = (0 if material is None else material.session_uid, page, placed)
         if key not in self._made:
-            self._made[key] = self._make(material, page)
+            self._made[key] = self._make(material, page, placed)
         return self._made[key]
 
-    def _make(self, material: bpy.types.Material | None, page: int) -> bpy.types.Material:
+    def _make(self, material: bpy.types.Material | None, page: int, placed: bool) -> bpy.types.Material:
         copy = bpy.data.materials.new("Empty") if material is None else material.copy()
         copy[BAKE_KEY] = self.token  # first: what has the token is taken out again should anything fail
         copy[PREVIEW_KEY] = True
@@ -46,13 +52,26 @@ class PreviewMaterials:
         copy.name = f"{'Empty' if material is None else material.name} ({self.images[page].name})"
         copy.use_fake_user = False
         copy.asset_clear()
-        emits = _show(copy, material is None, self.images[page], self.token)
+        emits = _show(copy, material is None, Lightmap(self.images[page], placed), self.token)
         if not emits and hasattr(copy, "cycles"):
             copy.cycles.emission_sampling = "NONE"  # reflected light: no lamp to aim shadow rays at
         return copy
 
 
-def _show(material: bpy.types.Material, empty: bool, image: bpy.types.Image, token: str) -> bool:
+@dataclass(frozen=True)
+class Lightmap:
+    """Where a material finds its light.
+
+    Attributes:
+        image: the page
+        placed: the uv map is shared, the object knows its place
+    """
+
+    image: bpy.types.Image
+    placed: bool
+
+
+def _show(material: bpy.types.Material, empty: bool, lightmap: Lightmap, token: str) -> bool:
     """Rewire a copy to show its lightmap; returns whether it emits light of its own."""
     if empty or tree_of(material) is None:
         plain = Look(albedo=DEFAULT_REFLECTANCE if empty else tuple(material.diffuse_color[:3]))
@@ -60,21 +79,21 @@ def _show(material: bpy.types.Material, empty: bool, image: bpy.types.Image, tok
             material.use_nodes = True
         material.node_tree.nodes.clear()
         end = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
-        _emit(ShaderReader(material.node_tree, token), plain, end, image)
+        _emit(ShaderReader(material.node_tree, token), plain, end, lightmap)
         return False
     tree = material.node_tree
     reader = ShaderReader(tree, token)
     emits = False
     for end in {end.name: end for end in map(tree.get_output_node, ENGINES) if end is not None}.values():
         look = reader.look(end.inputs["Surface"])
-        _emit(reader, look, end, image)
+        _emit(reader, look, end, lightmap)
         emits = emits or look.emission != BLACK
     return emits
 
 
-def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, image: bpy.types.Image) -> None:
+def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, lightmap: Lightmap) -> None:
     """Link an output's surface to albedo x lightmap + emission, and to what passes through."""
-    radiance = reader.add(reader.multiply(look.albedo, _lightmap(reader, image)), look.emission)
+    radiance = reader.add(reader.multiply(look.albedo, _light(reader, lightmap)), look.emission)
     emission = reader.node("ShaderNodeEmission")
     reader.feed(radiance, emission.inputs["Color"])
     shader = emission.outputs[0]
@@ -87,10 +106,26 @@ def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, image: bpy.type
     reader.tree.links.new(shader, end.inputs["Surface"])
 
 
-def _lightmap(reader: ShaderReader, image: bpy.types.Image) -> bpy.types.NodeSocket:
-    place, texture = reader.node("ShaderNodeUVMap"), reader.node("ShaderNodeTexImage")
-    place.uv_map = UV_MAP
-    texture.image = image
+def _light(reader: ShaderReader, lightmap: Lightmap) -> bpy.types.NodeSocket:
+    uv, texture = reader.node("ShaderNodeUVMap"), reader.node("ShaderNodeTexImage")
+    uv.uv_map = UV_MAP
+    texture.image = lightmap.image
     texture.extension = "EXTEND"
-    reader.tree.links.new(place.outputs["UV"], texture.inputs["Vector"])
+    where = _placed(reader, uv.outputs["UV"]) if lightmap.placed else uv.outputs["UV"]
+    reader.tree.links.new(where, texture.inputs["Vector"])
     return light_of(reader.tree, texture, reader.token)
+
+
+def _placed(reader: ShaderReader, uv: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The shared uv scaled and shifted to the object's own place."""
+    place, parts, shift, sum_ = (
+        reader.node(f"ShaderNode{kind}") for kind in ("Attribute", "SeparateXYZ", "CombineXYZ", "VectorMath")
+    )
+    place.attribute_type, place.attribute_name = "OBJECT", PLACE_KEY
+    reader.tree.links.new(place.outputs["Vector"], parts.inputs[0])
+    reader.tree.links.new(parts.outputs["Y"], shift.inputs["X"])
+    reader.tree.links.new(parts.outputs["Z"], shift.inputs["Y"])
+    sum_.operation = "MULTIPLY_ADD"
+    for source, target in zip((uv, parts.outputs["X"], shift.outputs[0]), sum_.inputs, strict=False):
+        reader.tree.links.new(source, target)
+    return sum_.outputs["Vector"]

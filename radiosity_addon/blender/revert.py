@@ -12,6 +12,7 @@ from .names import (
     BAKE_KEY,
     KEYS,
     SLOT_KEY,
+    SLOTS_KEY,
     STAND_IN_KEY,
     UV_KEY,
     UV_MAP,
@@ -21,7 +22,7 @@ from .names import (
     is_stand_in,
     original_material,
 )
-from .stand_in import swap_out
+from .stand_in import set_materials, swap_out
 
 
 def revert(scene: bpy.types.Scene) -> None:
@@ -33,12 +34,13 @@ def revert(scene: bpy.types.Scene) -> None:
 
 def take_out(token: str) -> None:
     """Remove all that a bake made, and undo all that it changed, wherever that carries the bake's token."""
-    for thing in _of_bake(bpy.data.objects, token):
-        if is_stand_in(thing):
-            bpy.data.objects.remove(thing)
+    bpy.data.batch_remove([thing for thing in _of_bake(bpy.data.objects, token) if is_stand_in(thing)])
+    bpy.data.batch_remove(_of_bake(bpy.data.collections, token))
     for thing in _of_bake(bpy.data.objects, token):
         if is_behind_stand_in(thing):
             swap_out(thing)
+        if SLOTS_KEY in thing:
+            _restore_slots(thing)
     _remove_previews(token)
     for mesh in _of_bake(bpy.data.meshes, token):
         if STAND_IN_KEY in mesh and mesh.users == 0:
@@ -63,7 +65,7 @@ def _remove_previews(token: str) -> None:
         if SLOT_KEY in mesh:
             del mesh[SLOT_KEY]
             if len(mesh.materials) == 1 and (mesh.materials[0] is None or is_preview(mesh.materials[0])):
-                mesh.materials.clear()
+                set_materials(mesh, [])
     for material in _of_bake(bpy.data.materials, token):
         original = original_material(material)
         if original is not None:
@@ -71,6 +73,15 @@ def _remove_previews(token: str) -> None:
         bpy.data.materials.remove(material)
     for group in _of_bake(bpy.data.node_groups, token):
         bpy.data.node_groups.remove(group)
+
+
+def _restore_slots(thing: bpy.types.Object) -> None:
+    """Link the slots that still show a lightmap to what they were linked to."""
+    for index, slot in enumerate(thing.material_slots):
+        kept = thing[SLOTS_KEY].get(str(index))
+        if kept is not None and slot.link == "OBJECT" and is_preview(slot.material):
+            slot.material = kept.get("material")
+            slot.link = kept["link"]
 
 
 def _restore_mesh(mesh: bpy.types.Mesh) -> None:

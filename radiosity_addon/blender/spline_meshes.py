@@ -82,7 +82,9 @@ def is_bare_tube(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> 
 
 
 def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SplineMesh | None:
-    """A new mesh datablock of an object's splines; None where it is left to Blender."""
+    """A new mesh datablock of an object's splines; None where it has none or is left to Blender."""
+    if original.type not in ("CURVE", "SURFACE"):
+        return None
     thing = original.evaluated_get(depsgraph)
     if left_to_blender(thing, depsgraph) is not None:
         return None
@@ -91,15 +93,6 @@ def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> S
         return None
     faces = patchwork(nets.nets, nets.caps)
     return SplineMesh(_filled(original.data.name, faces, thing.data), nets, faces)
-
-
-def mesh_of(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Mesh:
-    """A new mesh datablock of what an object shows."""
-    made = spline_mesh(original, depsgraph) if original.type in ("CURVE", "SURFACE") else None
-    if made is not None:
-        return made.mesh
-    evaluated = original.evaluated_get(depsgraph)
-    return bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=depsgraph)
 
 
 def _tube(original: bpy.types.Object) -> float:

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Plain mesh objects that show what can't carry a lightmap itself.
 
-A modified mesh, a curve or a text has other corners when rendered than in its data, and a mesh that several objects
-share has one place for its uv map, not several. Such an object is kept, hidden, and its evaluated mesh is shown.
+A modified mesh, a curve or a text has other corners when rendered than in its data, and a mesh that is stretched in
+different ways needs several uv maps. Such an object is kept, hidden, and its evaluated mesh is shown.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeAlias
 
 import bpy
+import numpy as np
 
-from .names import BAKE_KEY, HIDDEN_KEY, STAND_IN_KEY, is_behind_stand_in, is_stand_in, original_material
-from .spline_meshes import mesh_of
+from .names import BAKE_KEY, HIDDEN_KEY, KEYS, STAND_IN_KEY, is_behind_stand_in, is_stand_in, original_material
+from .spline_meshes import spline_mesh
 
 LOOKS = (
     "hide_render", "hide_viewport", "hide_select", "color", "pass_index", "display_type", "lightgroup",
@@ -28,39 +30,92 @@ VISIBILITY = ("hide_render", "hide_viewport", "show_instancer_for_render", "show
 """Properties of an object that a stand-in's original loses and gets back."""
 
 
-def make_stand_in(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph, token: str) -> bpy.types.Object:
-    """An object that shows the original as `depsgraph` has it, materials included, in no collection yet.
+Common: TypeAlias = tuple[str, int]
+"""What all have in common that share a mesh: the name of a kind, and a number."""
 
-    It follows the original by a constraint: a matrix of its own could not hold a shear that comes from parents.
-    """
-    evaluated = original.evaluated_get(depsgraph)
-    materials = [slot.material and original_material(slot.material.original) for slot in evaluated.material_slots]
-    mesh = mesh_of(original, depsgraph)
-    mesh[BAKE_KEY] = token
-    mesh[STAND_IN_KEY] = True
+
+class MeshPool:
+    """Meshes of the file as evaluated objects and instances show them, one for all that have something in common."""
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph, token: str) -> None:
+        self.depsgraph = depsgraph
+        self.token = token
+        self._made: dict[Common, bpy.types.Mesh] = {}
+
+    def of(self, thing: bpy.types.Object, common: Common | None) -> bpy.types.Mesh:
+        """The mesh of an evaluated object; what is as it is `rendered` is in common for want of anything else."""
+        key = common or ("rendered", thing.data.as_pointer())
+        if key not in self._made:
+            self._made[key] = self._copy(thing)
+        return self._made[key]
+
+    def _copy(self, thing: bpy.types.Object) -> bpy.types.Mesh:
+        original = thing.original
+        evaluated = original.evaluated_get(self.depsgraph)
+        made_by_nodes = thing.type == "MESH" and thing.data != evaluated.data  # it belongs to no object
+        materials = materials_of(thing)
+        splines = spline_mesh(original, self.depsgraph)
+        if splines is not None:
+            mesh = splines.mesh
+        elif made_by_nodes:
+            mesh = thing.data.copy()
+        else:
+            mesh = bpy.data.meshes.new_from_object(evaluated, preserve_all_data_layers=True, depsgraph=self.depsgraph)
+        mesh[BAKE_KEY] = self.token
+        mesh[STAND_IN_KEY] = True
+        set_materials(mesh, materials)
+        if hasattr(original.data, "texspace_location") and not made_by_nodes:  # generated texture coordinates
+            mesh.use_auto_texspace = False
+            mesh.texspace_location, mesh.texspace_size = original.data.texspace_location, original.data.texspace_size
+        return mesh
+
+
+def materials_of(thing: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The user's materials in the slots of an evaluated object or instance."""
+    return [slot.material and original_material(slot.material.original) for slot in thing.material_slots]
+
+
+def set_materials(mesh: bpy.types.Mesh, materials: Sequence[bpy.types.Material | None]) -> None:
+    """Give a mesh these slots; each face keeps its index, which Blender sets to 0 where slots are cleared."""
+    index = np.zeros(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("material_index", index)
     mesh.materials.clear()
     for material in materials:
         mesh.materials.append(material)
-    if hasattr(original.data, "texspace_location"):  # generated texture coordinates
-        mesh.use_auto_texspace = False
-        mesh.texspace_location, mesh.texspace_size = original.data.texspace_location, original.data.texspace_size
-    stand_in = bpy.data.objects.new(original.name, mesh)
-    stand_in[BAKE_KEY] = token
+    if index.any():
+        mesh.polygons.foreach_set("material_index", index)
+
+
+def dress(stand_in: bpy.types.Object, materials: Sequence[bpy.types.Material | None]) -> None:
+    """Give a stand-in these materials where those of its mesh, which others may share, are not the same."""
+    for slot, material in zip(stand_in.material_slots, materials, strict=False):
+        if slot.material != material:
+            slot.link, slot.material = "OBJECT", material
+
+
+def make_stand_in(original: bpy.types.Object, pool: MeshPool, common: Common | None) -> bpy.types.Object:
+    """An object that shows the original as a pool's depsgraph has it, materials included, in no collection yet.
+
+    It follows the original by a constraint: a matrix of its own could not hold a shear that comes from parents.
+    """
+    evaluated = original.evaluated_get(pool.depsgraph)
+    stand_in = bpy.data.objects.new(original.name, pool.of(evaluated, common))
+    stand_in[BAKE_KEY] = pool.token
     stand_in[STAND_IN_KEY] = original
-    for name, value in original.items():
-        if isinstance(value, (int, float, str, bool)) and name not in stand_in and name != HIDDEN_KEY:
-            stand_in[name] = value  # shaders can read them
+    for name, value in carried_properties(original).items():
+        stand_in[name] = value
+    dress(stand_in, materials_of(evaluated))
     stand_in.matrix_world = evaluated.matrix_world.copy()
     stand_in.constraints.new("COPY_TRANSFORMS").target = original
     return stand_in
 
 
-def instancers(depsgraph: bpy.types.Depsgraph) -> set[str]:
-    """Names of the objects that show instances of others."""
+def carried_properties(original: bpy.types.Object) -> dict[str, object]:
+    """Custom properties that shaders can read."""
     return {
-        item.parent.original.name
-        for item in depsgraph.object_instances
-        if item.is_instance and item.parent.original != item.object.original
+        name: value
+        for name, value in original.items()
+        if name not in KEYS and (isinstance(value, (int, float, str, bool)) or hasattr(value, "typecode"))
     }
 
 
@@ -73,18 +128,33 @@ def swap_in(original: bpy.types.Object, stand_in: bpy.types.Object, token: str, 
         token: the bake's
         instances: the original shows instances of other objects, which must stay in sight
     """
-    stand_in.name = stand_in.data.name = f"{original.name} (Radiosity)"
+    name_after(original, stand_in)
     for name in LOOKS:
         setattr(stand_in, name, getattr(original, name))
-    for collection in _collections(original):
+    for collection in collections_of(original):
         collection.objects.link(stand_in)
-    selected = []
     for scene in original.users_scene:
         for layer in scene.view_layers:
             if original.name in layer.objects:
                 stand_in.hide_set(original.hide_get(view_layer=layer), view_layer=layer)
-                if original.select_get(view_layer=layer):
-                    selected.append([scene.name, layer.name])
+    hide(original, token, instances)
+
+
+def name_after(original: bpy.types.Object, stand_in: bpy.types.Object) -> None:
+    """Name a stand-in and its mesh, when the names that those of an earlier bake had are free."""
+    stand_in.name = f"{original.name} (Radiosity)"
+    if isinstance(stand_in.data, bpy.types.Mesh) and STAND_IN_KEY in stand_in.data:
+        stand_in.data.name = stand_in.name
+
+
+def hide(original: bpy.types.Object, token: str, instances: bool) -> None:
+    """Hide an object whose stand-ins are shown, all of it or all but the `instances` that it makes."""
+    selected = [
+        [scene.name, layer.name]
+        for scene in original.users_scene
+        for layer in scene.view_layers
+        if original.name in layer.objects and original.select_get(view_layer=layer)
+    ]
     original[BAKE_KEY] = token
     original[HIDDEN_KEY] = {name: getattr(original, name) for name in VISIBILITY} | {"selected": json.dumps(selected)}
     if instances:
@@ -125,7 +195,7 @@ def as_unbaked(scene: bpy.types.Scene) -> Iterator[None]:
                 setattr(thing, name, shown)
 
 
-def _collections(original: bpy.types.Object) -> list[bpy.types.Collection]:
+def collections_of(original: bpy.types.Object) -> list[bpy.types.Collection]:
     """Where a stand-in belongs: the original's collections, less those that mean physics or can't be changed."""
     physics = [scene.rigidbody_world.collection for scene in bpy.data.scenes if scene.rigidbody_world]
     shared = [group for group in original.users_collection if group not in physics and group.is_editable]

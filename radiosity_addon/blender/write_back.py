@@ -8,6 +8,7 @@ ones, then switch over. What fails in between takes the new datablocks out again
 from __future__ import annotations
 
 import uuid
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +21,14 @@ from ..arrays import Float32
 from ..errors import SceneError
 from ..page_format import Recipe
 from .evaluation import at_render_settings
-from .extract import Extraction, check_can_carry
-from .names import BAKE_KEY, PAGE_KEY, SLOT_KEY, UV_KEY, UV_MAP, has_our_uv_map
+from .extract import Extraction, Source, check_can_carry
+from .instance_stand_ins import Replacement, replace_instancers
+from .instances import Key
+from .names import BAKE_KEY, PAGE_KEY, PLACE_KEY, SLOT_KEY, SLOTS_KEY, UV_KEY, UV_MAP, has_our_uv_map
 from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
-from .stand_in import as_unbaked, instancers, make_stand_in, swap_in
+from .stand_in import Common, MeshPool, as_unbaked, make_stand_in, swap_in
 from .working_space import working_space
 
 if TYPE_CHECKING:
@@ -34,26 +37,46 @@ if TYPE_CHECKING:
 
 @dataclass
 class _Place:
-    """One baked object and where its light lies.
+    """One baked object or instance and where its light lies.
 
     Attributes:
-        source: the object that was extracted
-        target: the object that will carry the uv map: the source itself, or its stand-in once that is made
+        source: the object that was extracted; of an instance, the object that it shows
+        record: what is known of it
         index: of its mesh in the scene records and in the atlas
+        common: what all have in common that can share a mesh of one uv map
         uv: (L, 2) float32, by loop of the evaluated mesh, up to the last loop used
-        instances: the source shows instances of other objects
+        place: where the object lies that shares its uv map, as (scale, u, v); None where the map says it all
+        target: the object that will carry the uv map: the source itself, or its stand-in once that is made
+        instances: the source shows instances of other objects that stay
     """
 
     source: bpy.types.Object
-    target: bpy.types.Object | None
+    record: Source
     index: int
     page: int
+    common: Common
     uv: Float32
+    place: tuple[float, float, float] | None
+    target: bpy.types.Object | None = None
     instances: bool = False
 
     @property
     def own_mesh(self) -> bool:
         return self.target is self.source
+
+    @property
+    def key(self) -> Key:
+        return self.record.instancer, self.record.index, self.record.object_name
+
+    def row(self, density: float) -> dict[str, Any]:
+        """What the report says of it."""
+        row = {"source": self.source.name, "object": self.target.name, "page": self.page, "density": density}
+        if self.place is not None:
+            scale, *shift = self.place
+            row |= {"uv_scale": (scale, scale), "uv_offset": tuple(shift)}
+        if self.record.instancer:
+            row |= {"instancer": self.record.instancer, "index": self.record.index, "matrix": self.record.matrix}
+        return row
 
 
 def write_back(
@@ -78,38 +101,31 @@ def write_back(
         pack: keep the pages inside the .blend, for files that will not stay; an unsaved .blend always does
 
     Returns:
-        For the report: a row for each baked object ("source", "object", "page", "density" in texels per metre) in the
-        order of the atlas, and a row for each page ("image", "file" as an absolute path, "size").
+        For the report: a row for each baked object ("source", "object", "page", "density" in texels per metre; where
+        it shares its uv map "uv_scale" and "uv_offset", of instances "instancer", "index" and "matrix") in the order
+        of the atlas, and a row for each page ("image", "file" as an absolute path, "size").
 
     Raises:
         SceneError: an object can't take the result; the scene is as it was
         OutputError: a page can't be read; the scene is as it was
     """
     leave_edit_mode(scene)
-    places = _find_places(extraction, atlas)
+    before = scene.get(BAKE_KEY)
+    places = _find_places(extraction, atlas, before)
     token = uuid.uuid4().hex
     try:
         recipe = recipe or Recipe("exr", working_space())
         images = [load_page(path, page, token, recipe, pack=pack) for page, path in enumerate(files)]
-        _make_stand_ins(scene, places, token)
-        before = scene.get(BAKE_KEY)
+        replacements = _make_stand_ins(scene, places, extraction, token)
         if before:
             images = _replace_images(images, before)
             take_out(before)
         scene[BAKE_KEY] = token
-        _switch(places, images, mode, token)
+        _switch(places, replacements, images, mode, token)
     except BaseException:
         take_out(token)
         raise
-    objects = [
-        {
-            "source": place.source.name,
-            "object": place.target.name,
-            "page": place.page,
-            "density": float(atlas.density[place.index]),
-        }
-        for place in places
-    ]
+    objects = [place.row(float(atlas.density[place.index])) for place in places]
     pages = [
         {"image": image.name, "file": str(path.resolve()), "size": list(image.size)}
         for image, path in zip(images, files, strict=True)
@@ -125,23 +141,33 @@ def leave_edit_mode(scene: bpy.types.Scene) -> None:
                 bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def _find_places(extraction: Extraction, atlas: Atlas) -> list[_Place]:
+def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> list[_Place]:
     places = []
+    may_own: dict[bpy.types.Mesh, list[_Place]] = {}
     for index, source in enumerate(extraction.sources):
         if not 0 <= atlas.page[index] < atlas.page_count:
             continue
-        thing = bpy.data.objects.get(source.object_name)
+        thing = bpy.data.objects.get((source.object_name, source.library))
         if thing is None:
             raise SceneError(source.object_name, "was renamed or deleted during the bake", "Bake again")
+        mesh, place = extraction.scene.meshes[index], atlas.places.get(index)
+        if place is None:
+            uv = np.zeros((int(mesh.corner.max(initial=-1)) + 1, 2), dtype=np.float32)
+            uv[mesh.corner.ravel()] = atlas.uv[index].reshape(-1, 2)
+        else:
+            uv = atlas.layouts[mesh.shape]
+        common = ("mesh", index) if place is None else ("shape", mesh.shape)
+        places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place))
+        if source.instancer:
+            continue
         check_can_carry(thing)
-        own = source.own_mesh and thing.data.is_editable and thing.data.users - thing.data.use_fake_user == 1
-        mesh = extraction.scene.meshes[index]
-        corners = int(mesh.corner.max()) + 1 if len(mesh.corner) else 0
-        uv = np.zeros((corners, 2), dtype=np.float32)
-        uv[mesh.corner.ravel()] = atlas.uv[index].reshape(-1, 2)
-        if own:
+        if source.own_mesh and thing.data.is_editable and thing.data.get(BAKE_KEY) in (None, before):
             _check_corners(thing, thing.data, uv)
-        places.append(_Place(thing, thing if own else None, index, int(atlas.page[index]), uv))
+            may_own.setdefault(thing.data, []).append(places[-1])
+    for users in may_own.values():  # a mesh has one map of ours: that of most of its objects
+        most, _ = Counter(place.common for place in users).most_common(1)[0]
+        for place in users:
+            place.target = place.source if place.common == most else None
     return places
 
 
@@ -163,36 +189,75 @@ def _replace_images(images: list[bpy.types.Image], before: str) -> list[bpy.type
     return images
 
 
-def _make_stand_ins(scene: bpy.types.Scene, places: list[_Place], token: str) -> None:
-    """Make the stand-in of every place that needs one, in no collection yet."""
-    wanted = [place for place in places if not place.own_mesh]
+def _make_stand_ins(
+    scene: bpy.types.Scene, places: list[_Place], extraction: Extraction, token: str
+) -> list[Replacement]:
+    """Make the stand-in of every place that needs one, in no collection yet, and what takes the place of instancers.
 
-    def make(depsgraph: bpy.types.Depsgraph) -> None:
-        showing = instancers(depsgraph)
-        for place in wanted:
-            place.target = make_stand_in(place.source, depsgraph, token)
-            place.instances = place.source.name in showing
+    An instancer is replaced if some of its instances have places, or show an object that will show its own place.
+    """
+    real = {place.source: place for place in places if not place.record.instancer}
+    wanted: dict[Key, list[_Place]] = {}  # some instancers number several alike
+    for place in places:
+        if place.record.instancer:
+            wanted.setdefault(place.key, []).append(place)
+    names = {thing.name for thing in real}
+    makers = {maker for maker, _, _ in wanted}
+    replaced = makers | {maker for maker, shown in extraction.instancers.items() if not names.isdisjoint(shown)}
+    for thing, place in real.items():
+        place.instances = thing.name in extraction.instancers
+        if thing.name in replaced:
+            place.target, place.instances = None, False
+    if not replaced and all(place.own_mesh for place in places):
+        return []
 
-    if not wanted:
-        return
+    def make(depsgraph: bpy.types.Depsgraph) -> list[Replacement]:
+        pool = MeshPool(depsgraph, token)
+        for place in real.values():
+            if not place.own_mesh:
+                place.target = make_stand_in(place.source, pool, place.common)
+        commons = {key: same[0].common for key, same in wanted.items()}
+        return replace_instancers(depsgraph, replaced, real, commons, pool)
+
     with as_unbaked(scene):
-        at_render_settings(scene, make)
-    for place in wanted:
-        _check_corners(place.source, place.target.data, place.uv)
-        _write_uv(place.target.data, place.uv, token)
+        replacements = at_render_settings(scene, make)
+    for replacement in replacements:
+        for key, stand_in in replacement.stand_ins:
+            if wanted.get(key):
+                wanted[key].pop(0).target = stand_in
+    written = set()
+    for place in places:
+        if place.target is None:
+            raise SceneError(place.source.name, "its instances were changed during the bake", "Bake again")
+        if not place.own_mesh and place.target.data not in written:
+            _check_corners(place.source, place.target.data, place.uv)
+            _write_uv(place.target.data, place.uv, token)
+            written.add(place.target.data)
+    return replacements
 
 
-def _switch(places: list[_Place], images: list[bpy.types.Image], mode: str, token: str) -> None:
+def _switch(
+    places: list[_Place], replacements: list[Replacement], images: list[bpy.types.Image], mode: str, token: str
+) -> None:
     """Show the bake: from here on nothing is expected to fail."""
     previews = PreviewMaterials(token, images)
+    written = set()
     for place in places:
-        if place.own_mesh:
+        if place.own_mesh and place.target.data not in written:
             _write_uv(place.target.data, place.uv, token)
-        if mode == "preview":
-            _show_preview(place.target, place.page, previews)
+            written.add(place.target.data)
+        if place.place is not None:
+            place.target[BAKE_KEY], place.target[PLACE_KEY] = token, place.place
     for place in places:
-        if not place.own_mesh:
+        if mode == "preview":
+            _show_preview(place, previews, token)
+    for replacement in replacements:
+        replacement.show(token)
+    for place in places:
+        if not (place.own_mesh or place.record.instancer):
             swap_in(place.source, place.target, token, place.instances)
+    for replacement in replacements:
+        replacement.hide(token)
 
 
 def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:
@@ -203,7 +268,9 @@ def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:
         active = layers.active.name if layers.active else ""
         rendered = next((layer.name for layer in layers if layer.active_render), "")
         mesh[UV_KEY] = {"active": active, "rendered": rendered}
-    layer = layers.get(UV_MAP) or layers.new(name=UV_MAP, do_init=False)
+    if UV_MAP in layers:  # a copied mesh may share the array with the one that it was copied from
+        layers.remove(layers[UV_MAP])
+    layer = layers.new(name=UV_MAP, do_init=False)
     if layer is None:
         raise SceneError(mesh.name, "takes no further uv map", "Remove one of its uv maps")
     full = np.zeros((len(mesh.loops), 2), dtype=np.float32)
@@ -212,9 +279,19 @@ def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:
     mesh.update()
 
 
-def _show_preview(thing: bpy.types.Object, page: int, previews: PreviewMaterials) -> None:
+def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None:
+    """Give every slot its preview material; on the object itself where others share the mesh."""
+    thing, mesh = place.target, place.target.data
     if not thing.material_slots:
-        thing.data.materials.append(None)
-        thing.data[SLOT_KEY] = True
-    for slot in thing.material_slots:
-        slot.material = previews.of(slot.material, page)
+        mesh.materials.append(None)
+        mesh[SLOT_KEY] = True
+    shared = mesh.users - mesh.use_fake_user > 1
+    before = {}
+    for index, slot in enumerate(thing.material_slots):
+        material, link = slot.material, slot.link
+        if shared:
+            slot.link = "OBJECT"
+            before[str(index)] = {"link": link} | ({"material": slot.material} if slot.material else {})
+        slot.material = previews.of(material, place.page, place.place is not None)
+    if shared and place.own_mesh:
+        thing[BAKE_KEY], thing[SLOTS_KEY] = token, before

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -19,12 +19,17 @@ from radiosity_addon.scene import Mesh, Scene
 class Source:
     object_name: str
     own_mesh: bool
+    library: str | None = None
+    instancer: str = ""
+    index: tuple[int, ...] = ()
+    matrix: np.ndarray | None = None
 
 
 @dataclass
 class Extraction:
     scene: Scene
     sources: list[Source]
+    instancers: dict[str, set[str]] = field(default_factory=dict)
 
 
 @dataclass
@@ -33,6 +38,8 @@ class Atlas:
     uv: list[np.ndarray]
     density: np.ndarray
     page_count: int
+    layouts: dict[int, np.ndarray] = field(default_factory=dict)
+    places: dict[int, tuple[float, float, float]] = field(default_factory=dict)
 
 
 def quad(name: str, material: bpy.types.Material | None = None, uv_maps: int = 1) -> bpy.types.Object:
@@ -107,7 +114,10 @@ def extract(things: list[bpy.types.Object], own: dict[str, bool] | None = None) 
 
     with as_unbaked(bpy.context.scene):
         meshes = at_render_settings(bpy.context.scene, read)
-    sources = [Source(x.name, own.get(x.name, x.type == "MESH" and not x.modifiers)) for x in things]
+    sources = [
+        Source(x.name, own.get(x.name, x.type == "MESH" and not x.modifiers), x.library and x.library.filepath)
+        for x in things
+    ]
     return Extraction(Scene(tuple(meshes), ()), sources)
 
 

@@ -14,7 +14,8 @@ SKIPPED = {
     "is_runtime_data", "is_dirty", "is_saved", "use_autopack", "version", "filepath", "file_format", "bind_point",
     "frame_duration", "pixels", "preview", "depsgraph", "hierarchy", "storage_type", "use_nodes", "all_ids",
     "loop_triangles", "loop_triangle_polygons", "window_managers", "workspaces", "screens", "libraries", "brushes",
-    "palettes", "texts", "fonts", "linestyles",
+    "palettes", "texts", "fonts", "linestyles", "point_cache",
+    "is_library_indirect",
 }  # fmt: skip
 """What changes by itself, belongs to the window, or is derived."""
 UV_LEGACY = {"data", "vertex_selection", "edge_selection", "pin"}

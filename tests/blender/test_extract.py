@@ -272,7 +272,7 @@ def test_only_the_chosen_objects_get_lightmaps_and_the_others_still_take_part():
     assert {mesh.name: mesh.lightmapped for mesh in extraction.scene.meshes} == {"a": False, "b": True}
 
 
-def test_instances_take_part_without_a_lightmap_and_are_named():
+def test_instances_are_surfaces_of_one_shape_that_know_what_makes_them():
     group = bpy.data.collections.new("group")
     group.objects.link(bpy.data.objects.new("chair", add_mesh("floor").data))
     for x in (0, 3):
@@ -281,12 +281,36 @@ def test_instances_take_part_without_a_lightmap_and_are_named():
         add(empty, location=(x, 0, 1))
     extraction = extract()
     chairs = [mesh for mesh in extraction.scene.meshes if mesh.name == "chair"]
-    assert [mesh.lightmapped for mesh in chairs] == [False, False]
+    assert [mesh.lightmapped for mesh in chairs] == [True, True]
+    assert chairs[0].shape == chairs[1].shape is not None
     assert [mesh.vertices[:, 0].mean() for mesh in chairs] == [0, 3]
     matrices = [source.matrix for source in extraction.sources]
     assert matrices[0] is None
     assert [matrix[0, 3] for matrix in matrices[1:]] == [0, 3]
-    assert "chair" in dict(extraction.skipped)
+    assert [(source.instancer, source.index) for source in extraction.sources[1:]] == [
+        ("place 0", (0,)),
+        ("place 3", (0,)),
+    ]
+    assert extraction.skipped == ()
+
+
+def test_one_mesh_stretched_in_different_ways_is_several_shapes():
+    mesh = add_mesh("cube").data
+    sizes = [(1, 1, 1), (-2, 2, 2), (1, 1.4, 1), (1, 1.6, 1), (3, 1, 1), (3, 1, 1.2)]
+    for number, size in enumerate(sizes[1:]):
+        add(bpy.data.objects.new(f"cube {number}", mesh), scale=size)
+    shapes = [mesh.shape for mesh in extract().scene.meshes]
+    assert shapes == [0, 0, 0, 1, 2, 2]
+
+
+def test_meshes_that_keep_different_uv_maps_are_different_shapes():
+    mesh = add_mesh("cube").data
+    mesh.uv_layers.new(name="Kept")
+    mesh.uv_layers.new(name="Other")
+    for name in ("Kept", "Other", "Other"):
+        thing = add(bpy.data.objects.new(name, mesh))
+        thing.radiosity.uv_map = name
+    assert [mesh.shape for mesh in extract().scene.meshes] == [0, 1, 2, 2]
 
 
 def test_an_instanced_lamp_shines():

@@ -95,6 +95,14 @@ def test_revert_of_a_scene_that_was_not_baked_changes_nothing():
     assert differences(before, snapshot()) == []
 
 
+def test_faces_of_a_mesh_without_slots_keep_their_material_index(tmp_path):
+    wall = quad("Wall")
+    wall.data.polygons[0].material_index = 3
+    bake([wall], tmp_path)
+    revert(bpy.context.scene)
+    assert wall.data.polygons[0].material_index == 3
+
+
 def test_revert_finds_what_was_renamed(tmp_path):
     things = furnished()
     bake(things, tmp_path, pages=PAGES)

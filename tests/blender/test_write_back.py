@@ -9,11 +9,9 @@ import pytest
 from mathutils import Matrix
 
 from radiosity_addon.blender import write_back as module
-from radiosity_addon.blender.evaluation import at_render_settings
 from radiosity_addon.blender.extract import extract_scene
 from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in
 from radiosity_addon.blender.revert import revert
-from radiosity_addon.blender.stand_in import as_unbaked
 from radiosity_addon.blender.write_back import write_back
 from radiosity_addon.errors import OutputError, SceneError
 from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad
@@ -101,14 +99,25 @@ def test_a_curve_is_shown_by_a_mesh_that_carries_the_uv_map(tmp_path):
     assert len(uv_of(stand_in.data)) == len(stand_in.data.loops) > 0
 
 
-def test_objects_that_share_a_mesh_get_a_stand_in_each(tmp_path):
+def test_objects_that_share_a_mesh_but_no_unwrap_get_a_stand_in_for_all_but_one(tmp_path):
     first = quad("First")
     second = bpy.data.objects.new("Second", first.data)
     bpy.context.scene.collection.objects.link(second)
     objects, _ = bake([first, second], tmp_path)
-    assert [row["object"] for row in objects] == ["First (Radiosity)", "Second (Radiosity)"]
-    assert bpy.data.objects["First (Radiosity)"].data != bpy.data.objects["Second (Radiosity)"].data
-    assert UV_MAP not in first.data.uv_layers
+    assert [row["object"] for row in objects] == ["First", "Second (Radiosity)"]
+    assert second.hide_render
+
+
+def test_the_faces_of_a_stand_in_have_their_own_materials(tmp_path):
+    """Blender sets them all to the first where a mesh's slots are cleared."""
+    pair = quad("Pair", diffuse("White", 0.8))
+    pair.data.materials.append(diffuse("Black", 0.1))
+    pair.data.polygons[0].material_index = 1
+    pair.modifiers.new("Array", "ARRAY")
+    bake([pair], tmp_path)
+    stand_in = bpy.data.objects["Pair (Radiosity)"]
+    assert [polygon.material_index for polygon in stand_in.data.polygons] == [1, 1]
+    assert [slot.material.name for slot in stand_in.material_slots] == ["White (Radiosity 1)", "Black (Radiosity 1)"]
 
 
 def test_a_stand_in_has_the_originals_sheared_world_matrix_and_collections(tmp_path):
@@ -137,40 +146,6 @@ def test_a_stand_in_is_seen_by_the_same_rays(tmp_path):
     assert (stand_in.visible_shadow, stand_in.visible_camera, stand_in.visible_diffuse) == (False, False, True)
     assert stand_in["tint"] == 0.25
     assert not stand_in.hide_render
-
-
-def scattered(ground: bpy.types.Object, leaf: bpy.types.Object) -> None:
-    """Geometry nodes that put an instance of the leaf on each corner of the ground."""
-    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-    kinds = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", "GeometryNodeObjectInfo")
-    start, end, instances, info = (tree.nodes.new(kind) for kind in kinds)
-    join = tree.nodes.new("GeometryNodeJoinGeometry")
-    info.inputs["Object"].default_value = leaf
-    info.inputs["As Instance"].default_value = True
-    tree.links.new(start.outputs[0], instances.inputs["Points"])
-    tree.links.new(info.outputs["Geometry"], instances.inputs["Instance"])
-    tree.links.new(instances.outputs[0], join.inputs[0])
-    tree.links.new(start.outputs[0], join.inputs[0])
-    tree.links.new(join.outputs[0], end.inputs[0])
-    ground.modifiers.new("Scatter", "NODES").node_group = tree
-
-
-def test_instances_stay_in_sight_when_what_scatters_them_gets_a_stand_in(tmp_path):
-    ground, leaf = quad("Ground"), quad("Leaf")
-    scattered(ground, leaf)
-    before = snapshot()
-    bake([ground, leaf], tmp_path)
-
-    def seen(depsgraph):
-        return sorted(item.object.name for item in depsgraph.object_instances if item.object.type == "MESH")
-
-    assert at_render_settings(bpy.context.scene, seen) == ["Ground (Radiosity)", *["Leaf"] * 5]
-    with as_unbaked(bpy.context.scene):
-        assert at_render_settings(bpy.context.scene, seen) == ["Ground", *["Leaf"] * 5]
-    revert(bpy.context.scene)
-    assert differences(before, snapshot()) == []
 
 
 def test_a_stand_in_has_the_originals_generated_coordinates(tmp_path):
