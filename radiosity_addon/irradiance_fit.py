@@ -58,7 +58,8 @@ def fit_irradiance(
         weight, reach = _weights(x, y, plane.width[row])
         crowded = np.flatnonzero(neighbours.crowded[cells][row])
         if len(crowded):
-            _leave_out_hidden(weight, crowded, texels, texel, plane.texel[row], visibility)
+            clear = np.minimum(neighbours.clear[cells, None], neighbours.clear[plane.point])
+            _leave_out_hidden(weight, crowded, texels, texel, plane.texel[row], clear[row], visibility)
         lonely = weight.sum(1) <= 0
         weight[lonely, 0] = 1
         values = irradiance[plane.point]
@@ -142,12 +143,22 @@ def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
 
 
 def _leave_out_hidden(
-    weight: Float32, crowded: Int64, texels: Texels, texel: Int64, beside: Int64, visibility: Visibility
+    weight: Float32,
+    crowded: Int64,
+    texels: Texels,
+    texel: Int64,
+    beside: Int64,
+    clear: Float32,
+    visibility: Visibility,
 ) -> None:
-    """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see."""
+    """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see.
+
+    Args:
+        clear: (T, K) height, m, that is clear over both
+    """
     row, column = np.nonzero(weight[crowded] > 0)
     row = crowded[row]
-    blocked = hidden(texels, texel[row], beside[row, column], visibility)
+    blocked = hidden(texels, texel[row], beside[row, column], visibility, most=clear[row, column])
     weight[row[blocked], column[blocked]] = 0
 
 

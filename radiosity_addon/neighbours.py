@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
-from .chunks import Fractions, in_chunks
+from .chunks import Fractions, in_chunks, scaled
 from .gather_points import GatherPoints
 from .texels import Texels
 from .visibility import Visibility
@@ -50,6 +50,9 @@ CUBES = 2
 CANDIDATES = 60
 """Where more points than these are near, only those in the innermost cubes are looked at: the nearest count most."""
 
+RAYS = 1 << 15
+"""Rays upwards traced at once."""
+
 CELLS = 2048
 """Cells looked at in one go: some 10^5 candidate points, whose arrays stay in cache."""
 
@@ -62,11 +65,13 @@ class Neighbours:
         point: (P, NEIGHBOURS) int32, nearest first, padded with the cell's own point
         count: (P,) int32
         crowded: (P,) bool, other surfaces come close: each texel asks for itself what it sees
+        clear: (P,) float32, m, half the way up from the point to the next surface
     """
 
     point: Int32
     count: Int32
     crowded: Bools
+    clear: Float32
 
 
 def find_neighbours(
@@ -76,6 +81,7 @@ def find_neighbours(
     position = texels.position[points.texel]
     normal = texels.shading_normal[points.texel]
     jobs = _jobs(position, normal, points)
+    clear = yield from scaled(_clear_heights(texels, points, visibility, workers), 0, 0.1)
 
     def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
         cell, point, gap, distance = jobs[start].pairs()
@@ -88,13 +94,14 @@ def find_neighbours(
         order = order[_rank(cell[order]) < NEIGHBOURS]
         cell, point, gap, distance, beyond = cell[order], point[order], gap[order], distance[order], beyond[order]
         up = lift(distance, facing[order], texels.surfaces.offset)
+        np.minimum(up, np.minimum(clear[cell], clear[point])[:, None], out=up)  # else a wall's dark shows on a picture
         origins = position[cell] + normal[cell] * up
         blocked = visibility.occluded(origins, gap + (normal[point] - normal[cell]) * up) & (distance > 0)
         return cell[~blocked], point[~blocked], beyond[~blocked], cell[blocked]
 
-    parts = yield from in_chunks(work, len(jobs), 1, workers)
+    parts = yield from scaled(in_chunks(work, len(jobs), 1, workers), 0.1, 1)
     if not parts:
-        return Neighbours(np.zeros((0, NEIGHBOURS), np.int32), np.zeros(0, np.int32), np.zeros(0, bool))
+        return Neighbours(np.zeros((0, NEIGHBOURS), np.int32), np.zeros(0, np.int32), np.zeros(0, bool), clear)
     cell, point, beyond, cut = (np.concatenate(part) for part in zip(*parts, strict=True))
     order = _by_cell(cell, beyond)
     cell, point = cell[order], point[order]
@@ -107,7 +114,23 @@ def find_neighbours(
     crowded[cut] = True
     hidden = points.cell[~texels.valid]
     crowded[hidden[hidden >= 0]] = True
-    return Neighbours(table, count, crowded)
+    return Neighbours(table, count, crowded, clear)
+
+
+def _clear_heights(texels: Texels, points: GatherPoints, visibility: Visibility, workers: int) -> Fractions[Float32]:
+    """(P,) float32, m: half the way up from each point to the next surface, but at least the scene's offset.
+
+    Points on a wall behind a picture must not be lifted through it.
+    """
+    height = np.empty(points.count, np.float32)
+
+    def work(start: int, stop: int) -> None:
+        texel = points.texel[start:stop]
+        origins = texels.origins(texel, np.zeros(len(texel), np.int64))
+        height[start:stop] = visibility.first_hit(origins, texels.normal[texel]).distance
+
+    yield from in_chunks(work, points.count, RAYS, workers)
+    return np.maximum(height / 2, np.float32(texels.surfaces.offset))
 
 
 def _by_cell(cell: Int64, beyond: Float32) -> Int64:

@@ -87,10 +87,19 @@ def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
     return np.asarray(height[:, None], np.float32)
 
 
-def hidden(texels: Texels, here: Ids, there: Ids, visibility: Visibility, steep: float = 1.0, side: int = 1) -> Bools:
+def hidden(
+    texels: Texels,
+    here: Ids,
+    there: Ids,
+    visibility: Visibility,
+    steep: float = 1.0,
+    side: int = 1,
+    most: Float32 | None = None,
+) -> Bools:
     """Whether something stands on the surface between texels `here` and `there`, (R,) each.
 
     Args:
+        most: (R,) height, m, over which another surface may lie above one of them; None if that is not known
         side: 1 for fronts, -1 for backs
         steep: how many times higher than over an arc the surface may rise between them
     """
@@ -99,6 +108,8 @@ def hidden(texels: Texels, here: Ids, there: Ids, visibility: Visibility, steep:
     span = texels.position[there] - start
     distance = np.sqrt(np.einsum("ij,ij->i", span, span))
     up = lift(distance * np.float32(steep), np.einsum("ij,ij->i", normal, other), texels.surfaces.offset)
+    if most is not None:
+        np.minimum(up, most[:, None], out=up)
     up *= np.float32(side)
     start += normal * up
     span += (other - normal) * up
