@@ -24,6 +24,7 @@ from .illumination import (
 from .lightmap import compose
 from .lights import Lamps, direct_irradiance, lamps_of
 from .opacity import opacity_of
+from .radiosity import Balance
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
@@ -51,6 +52,9 @@ class Baked:
         patches: number of patches
         rays: all rays traced
         residual: unshot share of the emitted power when the solver stopped
+        residuals: the same at the start and after every step
+        balance: where the light between patches has gone
+        elements: the texels, those of hidden pages after the others
     """
 
     atlas: Atlas
@@ -60,6 +64,9 @@ class Baked:
     patches: int
     rays: int
     residual: float
+    residuals: tuple[float, ...]
+    balance: Balance
+    elements: Texels
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...]
 
@@ -128,6 +135,9 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
         patches=patches.count,
         rays=visibility.rays,
         residual=log.residual,
+        residuals=solution.residuals,
+        balance=solution.balance,
+        elements=texels,
         stages=tuple(log.stages),
         warnings=warnings,
     )

@@ -24,6 +24,7 @@ from .color.spaces import SPACES
 from .errors import BakeError, OutputError, SceneError, explained
 from .page_format import COMPRESSIONS, DEPTHS, FORMATS, TRANSFERS, PageFormat
 from .progress import Meter, short_count
+from .report_page import write_report_page
 from .settings import FORM_FACTOR_NAMES, QUALITIES, SOLVER_NAMES, BakeSettings
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ TRACEBACK_VARIABLE = "RADIOSITY_TRACEBACK"
 
 @dataclass(frozen=True)
 class Verb:
-    """What `bake`, `revert`, `passes` and `info` were asked for. None is: as saved in the scene, or not at all."""
+    """What a verb such as `bake` was asked for. None is: as saved in the scene, or not at all."""
 
     name: str
     scene: Path
@@ -47,6 +48,7 @@ class Verb:
     textures: Path | None = None
     report: Path | None = None
     render: Path | None = None
+    render_before: Path | None = None
     density: float | None = None
     page_size: int | None = None
     quality: str | None = None
@@ -150,6 +152,12 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write figures of the bake")
     bake.add_argument("--render", type=_png, metavar="PICTURE.png", help="render the lit scene")
     bake.add_argument(
+        "--render-before",
+        type=_png,
+        metavar="PICTURE.png",
+        help="render the scene as lit by its lamps",
+    )
+    bake.add_argument(
         "--object", nargs="+", action="extend", default=[], metavar="NAME", help="bake these objects only"
     )
     bake.add_argument("--threads", type=int, metavar="N", help="worker threads; default: 0, one a processor")
@@ -190,6 +198,14 @@ def _parser(opened: str | None) -> argparse.ArgumentParser:
     passes.add_argument("--quality", choices=QUALITIES, help=f"numbers of rays; default: {BakeSettings.quality}")
     _add_density(passes)
     passes.add_argument("--quiet", action="store_true", help="print errors only")
+
+    report = verbs.add_parser(
+        "report",
+        help="make a page to look at of what `bake --report` has written",
+        description="Make one HTML page, pictures inside, of a bake's report.",
+    )
+    report.add_argument("scene", type=Path, metavar="REPORT.json", help="what `bake --report` has written")
+    report.add_argument("-o", dest="output", type=_html, required=True, metavar="PAGE.html", help="the page")
 
     info = verbs.add_parser(
         "info", help="list what would be baked, and what not and why", description="List what would be baked."
@@ -262,6 +278,10 @@ def _splits(text: str) -> tuple[int, ...]:
     return _numbers(text, 0)
 
 
+def _html(text: str) -> Path:
+    return _path_with(text, ".html")
+
+
 def _path_with(text: str, suffix: str) -> Path:
     if Path(text).suffix.lower() != suffix:
         raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
@@ -275,8 +295,9 @@ def _verb(options: argparse.Namespace, opened: str | None) -> Verb:
         raise SceneError("Scene", "no .blend file is open", "Give the path of one that exists")
     if not scene.is_file():
         cause = "it is a folder" if scene.is_dir() else "there is no such file"
-        raise SceneError(str(scene), cause, "Give the path of a .blend file")
-    for name in ("textures", "report"):
+        wanted = "report that `bake` has written" if given["verb"] == "report" else ".blend file"
+        raise SceneError(str(scene), cause, f"Give the path of a {wanted}")
+    for name in ("textures", "report", "output"):
         if given.get(name) is not None:
             given[name] = given[name].absolute()
     given["object"] = tuple(given.get("object", ()))
@@ -292,13 +313,17 @@ def _check_apart(verb: Verb) -> None:
         OutputError: two names are one file
     """
     taken = {path.resolve() for path in (verb.scene, verb.output) if path}
-    for path in filter(None, (verb.report, verb.render, verb.picture)):
+    for path in filter(None, (verb.report, verb.render, verb.render_before, verb.picture)):
         if path.resolve() in taken:
             raise OutputError(str(path), "another file of this bake has this name", "Choose another file name")
         taken.add(path.resolve())
 
 
 def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
+    if verb.name == "report" and verb.output:
+        write_report_page(verb.scene, verb.output)
+        meter.say(f"Saved {verb.output}")
+        return
     if importlib.util.find_spec("bpy") is None:
         raise BakeError(
             "Blender", "its Python module bpy is not installed", "Run `pip install .` on Python 3.11 or 3.13"

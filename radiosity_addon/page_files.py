@@ -73,15 +73,9 @@ def write_pages(
     Raises:
         OutputError: a file can't be written, or came back different
     """
-    space = wanted.space_of(working)
-    mapping = GamutMap(
-        source=working,
-        target=space,
-        intent=wanted.intent,
-        peak=1.0 if wanted.is_picture else None,
-        gain=2.0**wanted.exposure if wanted.is_picture else 1.0,
-    )
-    if wanted.format == "exr" and np.array_equal(space.to_xyz, working.to_xyz):  # it holds any number of this space
+    mapping = gamut_map(wanted, working)
+    space = mapping.target
+    if holds_all(wanted, working):
         recipe = Recipe("exr", space, intent=wanted.intent)
         return PageFiles(recipe, 0.0, 0.0, tuple(_write_each(pages, paths, wanted, recipe, files, workers)))
     sound, clamped = zip(*(finite(page) for page in pages), strict=True)
@@ -99,6 +93,22 @@ def write_pages(
     left = check.survey(fitted, workers).outside
     lost = _write_each(fitted, paths, wanted, recipe, files, workers)
     return PageFiles(recipe, extent.outside, left, tuple(map(sum, zip(clamped, lost, strict=True))))
+
+
+def holds_all(wanted: PageFormat, working: RGBSpace) -> bool:
+    """Whether files hold any number of the working space as it is, negative ones too."""
+    return wanted.format == "exr" and np.array_equal(wanted.space_of(working).to_xyz, working.to_xyz)
+
+
+def gamut_map(wanted: PageFormat, working: RGBSpace) -> GamutMap:
+    """The way of light from the working space into what the files can hold."""
+    return GamutMap(
+        source=working,
+        target=wanted.space_of(working),
+        intent=wanted.intent,
+        peak=1.0 if wanted.is_picture else None,
+        gain=2.0**wanted.exposure if wanted.is_picture else 1.0,
+    )
 
 
 def write_sidecar(path: Path, pages: Sequence[Path], recipe: Recipe, files: Transaction) -> None:

@@ -56,6 +56,27 @@ def png_bytes(
     return [SIGNATURE, *(_chunk(kind, content) for kind, content in every)]
 
 
+def gray_pixels(file: bytes) -> NDArray[np.uint8]:
+    """The pixels (H, W) of a grey file of 8 bits that `png_bytes` has made.
+
+    Raises:
+        ValueError: it is no such file
+    """
+    stream, found = memoryview(file)[len(SIGNATURE) :], {b"IDAT": b""}
+    while len(stream) >= 12:
+        length, kind = int.from_bytes(stream[:4], "big"), bytes(stream[4:8])
+        found[kind] = found.get(kind, b"") + bytes(stream[8 : 8 + length])
+        stream = stream[12 + length :]
+    if file[: len(SIGNATURE)] != SIGNATURE or found.get(b"IHDR", b"")[8:10] != bytes([8, 0]):
+        raise ValueError("no grey PNG file of 8 bits")
+    width, height = struct.unpack(">II", found[b"IHDR"][:8])
+    try:
+        lines = np.frombuffer(zlib.decompress(found[b"IDAT"]), np.uint8).reshape(height, width + 1)
+    except zlib.error as error:
+        raise ValueError("a PNG file that is cut short") from error
+    return np.cumsum(lines[:, 1:], axis=0, dtype=np.uint8)
+
+
 def srgb_chunks(display_p3: bool = False) -> list[Chunk]:
     """What says that pixels are sRGB, or Display P3: sRGB and what old readers want in its place, or cICP (H.273)."""
     if display_p3:

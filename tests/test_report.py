@@ -7,9 +7,14 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from radiosity_addon.color.spaces import REC709
 from radiosity_addon.files import Transaction
-from radiosity_addon.report import BakedObject, Page, Report, write_report
+from radiosity_addon.page_files import PageFiles
+from radiosity_addon.page_format import Recipe
+from radiosity_addon.radiosity import Balance
+from radiosity_addon.report import BakedObject, Page, Report, thinned, write_report
 
 
 def report(**changes: object) -> Report:
@@ -24,6 +29,11 @@ def report(**changes: object) -> Report:
         "rays": np.int64(3000),
         "residual": np.float32(0.0009765625),
         "warnings": ["Lamp: negative energy"],
+        "name": "room",
+        "residuals": [1.0, np.float64(0.5), np.float32(0.0009765625)],
+        "balance": Balance(*(np.full((1, 3), watts) for watts in (4.0, 5.0, 2.0, 2.0, 1.0, 1.0))),
+        "files": PageFiles(Recipe("rgbm", REC709, brightest=2.0), np.float64(0.25), 0.0, (0,)),
+        "after": Path("/srv/out/room.png"),
     }
     return Report(**{**fields, **changes})  # type: ignore[arg-type]
 
@@ -31,6 +41,16 @@ def report(**changes: object) -> Report:
 def test_the_keys_are_exactly_the_promised_ones() -> None:
     found = json.loads(report().as_json(Path("/srv/out")))
     assert found == {
+        "scene": "room",
+        "folder": ".",
+        "settings": {
+            "quality": "medium",
+            "solver": "progressive",
+            "tolerance": 1e-4,
+            "page_size": 1024,
+            "density": None,
+        },
+        "working_space": {"name": "Linear Rec.709", "rgb_to_xyz_d65": REC709.to_xyz.tolist()},
         "pages": [{"image": "room_radiosity_1", "file": "room_textures/room_radiosity_1.exr", "size": [64, 64]}],
         "objects": [{"source": "Wall", "object": "Wall", "page": 0, "texels": 120, "density": 16.5}],
         "skipped": [{"object": "Hair", "reason": "has no surface"}],
@@ -43,6 +63,15 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
         "patches": 12,
         "rays": 3000,
         "residual": 0.0009765625,
+        "residuals": [1.0, 0.5, 0.0009765625],
+        "balance": pytest.approx({"emitted": 4.0, "absorbed": 2.0, "escaped": 1.0, "unshot": 1.0}),
+        "files": {
+            **Recipe("rgbm", REC709, brightest=2.0).as_dict(),
+            "outside_before": 0.25,
+            "outside_after": 0.0,
+        },
+        "light": None,
+        "renders": {"before": None, "after": "room.png"},
         "warnings": ["Lamp: negative energy"],
     }
 
@@ -76,3 +105,16 @@ def test_the_summary_is_one_line() -> None:
     assert report().summary() == "Baked 1 object on 1 page of 64 x 64 in 2.0 s"
     two = report(objects=[BakedObject("A", "A", 0, 1, 1.0)] * 2, pages=[Page("p", None, (8, 8))] * 2)
     assert two.summary() == "Baked 2 objects on 2 pages of 8 x 8 in 2.0 s"
+
+
+def test_the_file_says_where_its_paths_begin(tmp_path: Path) -> None:
+    with Transaction() as files:
+        write_report(tmp_path / "report.json", report(), tmp_path / "blends", files)
+        files.commit()
+    assert json.loads((tmp_path / "report.json").read_text("utf-8"))["folder"] == "blends"
+
+
+def test_a_long_curve_is_thinned_to_its_ends_and_what_is_between() -> None:
+    found = thinned([float(step) for step in range(5000)])
+    assert (len(found), found[0], found[-1]) == (200, 0.0, 4999.0)
+    assert list(found) == sorted(found)

@@ -18,12 +18,13 @@ from ..report import Report, count_of, write_report
 from ..settings import BakeSettings
 from ..unwrap import Atlas, build_atlas
 from .blend_files import save_blend, silence
-from .extract import extract_scene
+from .extract import SURFACES, extract_scene
 from .job import Job, bake_scene
 from .names import is_baked
 from .properties import cycles_limits
 from .render_picture import render_picture
 from .revert import revert as take_out_of
+from .stand_in import as_unbaked
 
 if TYPE_CHECKING:
     from ..cli import Verb
@@ -52,10 +53,14 @@ def bake(verb: Verb, meter: Meter) -> Report:
         stem=output.stem,
         objects=verb.object,
         page_format=page_format(scene, verb),
+        looked_at=verb.report is not None,
     )
     with Transaction() as files:
-        for target in filter(None, (output, verb.report, verb.render)):
+        for target in filter(None, (output, verb.report, verb.render, verb.render_before)):
             files.make_folder(target.parent)
+        if verb.render_before:
+            with silence(), as_unbaked(scene):
+                render_picture(scene, verb.render_before, _rendered(scene), files)
         report = watched(bake_scene(scene, job, files), meter)
         save_blend(output, files)
         if verb.render:
@@ -64,9 +69,15 @@ def bake(verb: Verb, meter: Meter) -> Report:
                 render_picture(bpy.context.scene, verb.render, shown, files)
         files.place(output)
         if verb.report:
-            write_report(verb.report, report, output.parent, files)
+            seen = replace(report, before=verb.render_before, after=verb.render)
+            write_report(verb.report, seen, output.parent, files)
         files.commit()
     return report
+
+
+def _rendered(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Objects with a surface that are rendered, for a camera to be fitted to."""
+    return [thing for thing in scene.objects if thing.type in SURFACES and not thing.hide_render]
 
 
 def revert(verb: Verb) -> None:

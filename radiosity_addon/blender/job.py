@@ -16,6 +16,7 @@ import bpy
 from ..bake import Baked, bake
 from ..errors import SceneError
 from ..files import Transaction
+from ..overview import overview
 from ..page_files import page_paths, sidecar_path, write_pages, write_sidecar
 from ..page_format import PageFormat
 from ..report import BakedObject, Page, Report
@@ -42,6 +43,7 @@ class Job:
         stem: what the pages' names begin with
         objects: names of those to bake, while all others only shadow and bounce; empty bakes all
         page_format: how the pages are written
+        looked_at: the report gets figures and maps of the light
     """
 
     settings: BakeSettings
@@ -50,6 +52,7 @@ class Job:
     stem: str
     objects: Sequence[str] = ()
     page_format: PageFormat = field(default_factory=PageFormat)
+    looked_at: bool = False
 
 
 def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generator[Progress, None, Report]:
@@ -76,10 +79,14 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
         working, workers = extraction.scene.working_space, job.settings.workers
-        pages = write_pages(baked.pages, paths, job.page_format, working, files, workers)
-        if job.folder is not None and job.page_format.format != "exr":  # an EXR says by itself what it holds
-            write_sidecar(sidecar_path(folder, job.stem), paths, pages.recipe, files)
-        written = time.perf_counter()
+        wanted = job.page_format
+        written = write_pages(baked.pages, paths, wanted, working, files, workers)
+        if job.folder is not None and wanted.format != "exr":  # an EXR says by itself what it holds
+            write_sidecar(sidecar_path(folder, job.stem), paths, written.recipe, files)
+        seen = None
+        if job.looked_at:
+            seen = overview(baked.pages, baked.elements, paths, written, wanted, working, workers)
+        on_disk = time.perf_counter()
         yield replace(last, stage="Write back")
         scene = _still_there(scene_name)
         rows, images = write_back(
@@ -87,14 +94,17 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
             extraction,
             baked.atlas,
             paths,
-            recipe=pages.recipe,
+            recipe=written.recipe,
             mode=job.write_back,
             pack=job.folder is None,
         )
     end = time.perf_counter()
     lit = [index for index, page in enumerate(baked.atlas.page) if 0 <= page < baked.atlas.page_count]
     return Report(
-        pages=[Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"])) for row in images],
+        pages=[
+            Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"]), seen.maps[page] if seen else {})
+            for page, row in enumerate(images)
+        ],
         objects=[
             BakedObject(**row, texels=int(baked.mesh_texels[index])) for row, index in zip(rows, lit, strict=True)
         ],
@@ -102,15 +112,22 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         stages=[
             ("Read scene", read - start, 0),
             *((stage.name, stage.seconds, stage.rays) for stage in baked.stages),
-            ("Write files", written - begin, 0),
-            ("Write back", end - written, 0),
+            ("Write files", on_disk - begin, 0),
+            ("Write back", end - on_disk, 0),
         ],
         seconds=end - start,
         texels=baked.texels,
         patches=baked.patches,
         rays=baked.rays,
         residual=baked.residual,
-        warnings=[*baked.warnings, *_clamped_warnings(paths, pages.clamped, job.page_format)],
+        name=job.stem,
+        working_space=working,
+        settings=job.settings,
+        residuals=baked.residuals,
+        balance=baked.balance,
+        overview=seen,
+        files=written,
+        warnings=[*baked.warnings, *_clamped_warnings(paths, written.clamped, wanted)],
     )
 
 

@@ -101,7 +101,8 @@ def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Pa
 
     report = json.loads(report_path.read_text())
     assert list(report) == [
-        "pages", "objects", "skipped", "stages", "seconds", "texels", "patches", "rays", "residual", "warnings",
+        "scene", "folder", "settings", "working_space", "pages", "files", "objects", "skipped", "stages", "seconds",
+        "texels", "patches", "rays", "residual", "residuals", "balance", "light", "renders", "warnings",
     ]  # fmt: skip
     assert report["pages"][0]["file"] == "lit_textures/lit_radiosity_1.exr"
     assert report["pages"][0]["size"] == [64, 64]
@@ -114,6 +115,14 @@ def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Pa
     assert sum(stage["seconds"] for stage in report["stages"]) == pytest.approx(report["seconds"], rel=0.2, abs=0.2)
     assert sum(stage["rays"] for stage in report["stages"]) == report["rays"]
     assert 0 <= report["residual"] <= BakeSettings.tolerance
+    assert report["residuals"][-1] == report["residual"]
+    balance = report["balance"]
+    assert balance["emitted"] == pytest.approx(balance["absorbed"] + balance["escaped"] + balance["unshot"])
+    assert report["light"]["brightest"] == pytest.approx(SUN / np.pi, rel=0.05)
+    assert set(report["pages"][0]["maps"]) == {"coverage", "density", "error", "outside"}
+    assert report["renders"] == {"before": None, "after": "room.png"}
+    assert run("report", report_path, "-o", tmp_path / "page.html") == 0
+    assert (tmp_path / "page.html").stat().st_size > 50_000
 
     open_file(out / "lit.blend")
     image = bpy.data.images[report["pages"][0]["image"]]
