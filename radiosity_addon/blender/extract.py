@@ -217,8 +217,8 @@ class _Reading:
         if thing.type == "LIGHT":
             self.read_lamp(thing, finite_matrix(item))
             return
-        if thing.type != "MESH" and not is_bare_tube(original, self.depsgraph):
-            if thing.type in ("CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
+        if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, self.depsgraph):
+            if thing.type in ("POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
                 self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
             return
         settings = getattr(original, "radiosity", None)
@@ -238,10 +238,15 @@ class _Reading:
         settings: bpy.types.PropertyGroup | None,
     ) -> None:
         thing, original, matrix = item.object, item.object.original, finite_matrix(item)
-        editing = thing.data.is_editmode  # an edited mesh is evaluated on demand
-        splines = self.splines.of(original)
-        mesh: bpy.types.Mesh = splines.mesh if splines else thing.to_mesh() if editing else thing.data
-        lightmapped = self.gets_lightmap(item)
+        splines = self.splines.of(thing)
+        mesh: bpy.types.Mesh
+        if splines is not None:
+            mesh = splines.mesh
+        else:
+            mesh = thing.to_mesh() if thing.data.is_editmode else thing.data  # an edited mesh is evaluated on demand
+        lightmapped = thing.type != "CURVES" and self.gets_lightmap(item)
+        if thing.type == "CURVES":
+            self.skipped.setdefault(thing.name, "hair can't carry a lightmap; it only shadows and bounces light")
         self.check_rays(thing, item.parent if instanced else thing)
         if not len(mesh.polygons):
             raise Skip(NO_FACES)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
@@ -10,11 +11,15 @@ import numpy as np
 
 from ..arrays import Float32, Float64, Int32
 from ..patchwork import Patchwork, patchwork
+from ..strands import tubes
 from ..unrolling import unroll
 from .curves import Nets, curve_nets, left_to_blender, profiles, surface_nets
 
 UV_MAP = "UVMap"
 """Name of the texture coordinates that Blender gives to the meshes of splines."""
+
+HAIR_RADIUS = 0.005
+"""m, of strands that have none, as in Cycles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +28,13 @@ class SplineMesh:
 
     Attributes:
         mesh: a datablock of its own, without materials
-        nets: what it was made of
+        nets: what it was made of; nothing for hair
         faces: the same as polygons
     """
 
     mesh: bpy.types.Mesh
     nets: Nets
-    faces: Patchwork
+    faces: Patchwork | None = None
 
     def cut(self, corner: Int32, matrix: Float64) -> tuple[Float32, Int32] | None:
         """Charts by arc length: uv (F, 3, 2), m, and chart (F,) of triangles by their corners (F, 3).
@@ -40,7 +45,7 @@ class SplineMesh:
             matrix: (4, 4) of the object
         """
         laid = unroll(self.nets.nets, self.nets.caps, matrix[:3, :3])
-        if laid is None:
+        if laid is None or self.faces is None:
             return None
         places, charts = (values[self.faces.face][corner] for values in laid)
         return places.astype(np.float32), charts[:, 0].astype(np.int32)
@@ -53,15 +58,20 @@ class SplineMeshes:
         self.depsgraph = depsgraph
         self.made: dict[tuple[str, float], SplineMesh | None] = {}
 
-    def of(self, original: bpy.types.Object) -> SplineMesh | None:
-        """That of a user's object, the same for all that share its data; None where Blender's mesh is to be taken."""
+    def of(self, thing: bpy.types.Object) -> SplineMesh | None:
+        """That of an evaluated object, the same for all that share its data; None where it is to be taken as it is."""
+        if thing.type == "CURVES":
+            return self._kept(("", float(thing.data.as_pointer())), lambda: hair_mesh(thing))
+        original = thing.original
         if original.type not in ("CURVE", "SURFACE"):
             return None
         if left_to_blender(original.evaluated_get(self.depsgraph), self.depsgraph) is not None:
             return None
-        key = original.data.name_full, _tube(original)
+        return self._kept((original.data.name_full, _tube(original)), lambda: spline_mesh(original, self.depsgraph))
+
+    def _kept(self, key: tuple[str, float], make: Callable[[], SplineMesh | None]) -> SplineMesh | None:
         if key not in self.made:
-            self.made[key] = spline_mesh(original, self.depsgraph)
+            self.made[key] = make()
         return self.made[key]
 
     def remove(self) -> None:
@@ -93,6 +103,29 @@ def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> S
         return None
     faces = patchwork(nets.nets, nets.caps)
     return SplineMesh(_filled(original.data.name, faces, thing.data), nets, faces)
+
+
+def hair_mesh(thing: bpy.types.Object) -> SplineMesh:
+    """The strands of an evaluated Curves object as tubes."""
+    data = thing.data
+    points, radius = np.empty(len(data.points) * 3, np.float32), np.full(len(data.points), HAIR_RADIUS, np.float32)
+    data.points.foreach_get("position", points)
+    attribute = data.attributes.get("radius")
+    if attribute is not None and attribute.domain == "POINT" and attribute.data_type == "FLOAT":
+        attribute.data.foreach_get("value", radius)
+    first = np.empty(len(data.curves), np.int32)
+    data.curves.foreach_get("first_point_index", first)
+    found = tubes(points.reshape(-1, 3).astype(np.float64), radius.astype(np.float64), np.append(first, len(radius)))
+    mesh = bpy.data.meshes.new(data.name)
+    mesh.vertices.add(len(found.vertices))
+    mesh.vertices.foreach_set("co", found.vertices.astype(np.float32).ravel())
+    mesh.loops.add(found.triangles.size)
+    mesh.loops.foreach_set("vertex_index", found.triangles.astype(np.int32).ravel())
+    mesh.polygons.add(len(found.triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, found.triangles.size, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(found.triangles), bool))
+    mesh.update(calc_edges=True)
+    return SplineMesh(mesh, Nets((), (), ()))
 
 
 def _tube(original: bpy.types.Object) -> float:

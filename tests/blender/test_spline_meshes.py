@@ -174,3 +174,87 @@ def test_curves_that_share_their_data_share_their_mesh():
     first, second = extraction.scene.meshes
     assert np.array_equal(first.triangles, second.triangles)
     assert np.allclose(second.vertices - first.vertices, [5, 0, 0], atol=1e-5)
+
+
+def hair(strands: int = 3, length: float = 1.0, radius: float = 0.02) -> bpy.types.Object:
+    data = bpy.data.hair_curves.new("Hair")
+    thing = link("Hair", data)
+    data.add_curves([4] * strands)
+    for index, point in enumerate(data.points):
+        point.position = (index // 4 * 0.1, 0, index % 4 * length / 3)
+        point.radius = radius
+    return thing
+
+
+def nodes_that_join(thing: bpy.types.Object, other: bpy.types.Object) -> None:
+    """Geometry nodes that add another object's geometry."""
+    modifier = thing.modifiers.new("Join", "NODES")
+    tree = modifier.node_group = bpy.data.node_groups.new("Join", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    info, join = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("GeometryNodeJoinGeometry")
+    info.inputs["Object"].default_value = other
+    for source, target in ((start.outputs[0], join), (info.outputs["Geometry"], join), (join.outputs[0], end)):
+        tree.links.new(source, target.inputs[0])
+
+
+def test_hair_shadows_and_bounces_as_tubes():
+    bpy.ops.mesh.primitive_plane_add()
+    hair()
+    extraction = extract_scene(bpy.context.scene)
+    found = next(mesh for mesh in extraction.scene.meshes if mesh.name == "Hair")
+    assert not found.lightmapped
+    assert np.ptp(found.vertices[:, 2]) == pytest.approx(1.0, abs=1e-5)
+    a, b, c = np.moveaxis(found.vertices[found.triangles], 1, 0)
+    side = 3 * 2 * np.pi * 0.02 * 1.0
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(side, rel=0.05)
+    assert "hair" in dict(extraction.skipped)["Hair"]
+
+
+def test_curves_in_the_geometry_of_a_mesh_object_are_not_rendered():
+    """Cycles shows hair of Curves objects alone."""
+    bpy.ops.mesh.primitive_plane_add()
+    plane, other = bpy.context.object, hair()
+    other.hide_render = True
+    nodes_that_join(plane, other)
+    extraction = extract_scene(bpy.context.scene)
+    assert [(mesh.name, len(mesh.triangles)) for mesh in extraction.scene.meshes] == [("Plane", 2)]
+
+
+def test_a_bare_curve_shows_nothing_unless_it_is_given_a_tube():
+    bpy.ops.mesh.primitive_plane_add()
+    thing = curve_object("POLY", 2)
+    for i, point in enumerate(thing.data.splines[0].points):
+        point.co, point.tilt, point.radius = (i, 0, 1, 1), 0, 1
+    assert [mesh.name for mesh in extract_scene(bpy.context.scene).scene.meshes] == ["Plane"]
+    thing.radiosity.tube_radius = 0.05
+    thing.scale = (2, 2, 2)
+    bpy.context.view_layer.update()
+    found = extract_scene(bpy.context.scene).scene.meshes
+    tube = next(mesh for mesh in found if mesh.name == "Curve")
+    assert np.ptp(tube.vertices, axis=0) == pytest.approx([2.0, 0.1, 0.1], rel=0.01)
+    assert tube.chart is not None
+
+
+def test_a_bare_curve_with_a_tube_is_shown_and_comes_back():
+    bpy.ops.mesh.primitive_plane_add(size=3)
+    thing = curve_object("POLY", 2)
+    thing.radiosity.tube_radius = 0.05
+    glow = bpy.data.materials.new("Glow")
+    if glow.node_tree is None:
+        glow.use_nodes = True
+    tree = glow.node_tree
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Strength"].default_value = 30
+    tree.links.new(emission.outputs[0], next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL").inputs["Surface"])
+    thing.data.materials.append(glow)
+    scene = bpy.context.scene
+    bake_all(scene)
+    stand_in = scene.objects["Curve (Radiosity)"]
+    assert len(stand_in.data.polygons) > 30
+    image = next(image for image in bpy.data.images if image.name.startswith("Radiosity"))
+    assert np.array(image.pixels[:]).reshape(-1, 4)[:, :3].max() > 0.05
+    revert(scene)
+    assert "Curve (Radiosity)" not in scene.objects
+    assert not thing.hide_render
