@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from .arrays import Float64, Floats
+from .scene import RGB
 
 MIN_ROUGHNESS = 0.02
 """Below it a facet model is a mirror to three digits, and its quadrature would need more points."""
@@ -102,6 +103,25 @@ def glossy_albedo(roughness: float, fresnel: Fresnel, multiscatter: bool = True)
         single = single * (1 + again * ((1 - white) / white)[:, None])
     albedo: Float64 = np.clip(weight @ single, 0, 1)
     return albedo
+
+
+@lru_cache(maxsize=4096)
+def dielectric_albedo(
+    roughness: float, ior: float, tint: RGB = (1.0, 1.0, 1.0), scale: float = 1.0, multiscatter: bool = True
+) -> Float64:
+    """`glossy_albedo` of a layer with `dielectric_fresnel`, read only: scenes ask for the same ones again and again."""
+    return _kept(glossy_albedo(roughness, dielectric_fresnel(ior, np.array(tint), scale), multiscatter))
+
+
+@lru_cache(maxsize=4096)
+def metal_albedo(roughness: float, color: RGB, edge_tint: RGB = (1.0, 1.0, 1.0), multiscatter: bool = True) -> Float64:
+    """`glossy_albedo` of a layer with `metal_fresnel`, read only."""
+    return _kept(glossy_albedo(roughness, metal_fresnel(np.array(color), np.array(edge_tint)), multiscatter))
+
+
+def _kept(values: Float64) -> Float64:
+    values.flags.writeable = False
+    return values
 
 
 def _directions() -> tuple[Float64, Float64]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..arrays import Float64
 from ..errors import SceneError
-from ..microfacet import dielectric_fresnel, glossy_albedo, mean_pane_transmittance, metal_fresnel
+from ..microfacet import dielectric_albedo, mean_pane_transmittance, metal_albedo
 from ..scene import MAX_REFLECTANCE, RGB, Material
 from ..shading import QUANTITIES, Quantity
 from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
@@ -153,8 +153,9 @@ def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
     output = tree.get_output_node("CYCLES")
     if output is None:
         return NOTHING
-    if "Volume" in output.inputs and output.inputs["Volume"].links:
-        reader.warn("has a volume, which is ignored")
+    for name, text in (("Volume", "a volume, which is"), ("Displacement", "displacement, which is")):
+        if name in output.inputs and output.inputs[name].links:
+            reader.warn(f"has {text} ignored")
     return reader.shading(output, "Surface", ())
 
 
@@ -203,6 +204,8 @@ class _Reader:
         place = (*(group.name for group in inner), end.node.name)
         if place in self.reading:
             raise LinkCycle
+        if "Normal" in end.node.inputs and follow(end.node.inputs["Normal"], inner)[0].is_output:
+            self.warn(f"the bumps of {end.node.name} are ignored: it is lit as the flat surface below them")
         read = READERS.get(end.node.type)
         if read is None:
             self.warn(f"{end.node.bl_label} is not read; a grey diffuse surface stands in")
@@ -235,31 +238,63 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     if metallic < 1:
         ior = max(reader.number(node, "IOR", groups), 1.0)
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
-        gloss = glossy_albedo(roughness, dielectric_fresnel(ior, tint, 2 * level), multiscatter)
+        gloss = dielectric_albedo(roughness, ior, rgb(tint), 2 * level, multiscatter)
         shading = Shading(gloss + (1 - gloss.max()) * base) * (1 - transmission)
         # what goes in and comes out again passes two surfaces, and is coloured once
         through = glass(np.sqrt(np.clip(base, 0, 1)), ior)
         shading = shading + replace(through, reflectance=through.reflectance.max() * WHITE) * transmission
     if metallic > 0:
-        metal = Shading(glossy_albedo(roughness, metal_fresnel(base, tint), multiscatter))
+        metal = Shading(metal_albedo(roughness, rgb(base), rgb(tint), multiscatter))
         shading = metal * metallic + shading * (1 - metallic)
     emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
     shading = shading + Shading(emission=emission)
     coat = reader.share(node, "Coat Weight", groups)
     if coat > 0:
         rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
-        gloss = coat * glossy_albedo(rough, dielectric_fresnel(max(ior, 1.0), WHITE), multiscatter=False)
+        gloss = coat * dielectric_albedo(rough, max(ior, 1.0), multiscatter=False)
         shading = shading * (1 - gloss) + Shading(gloss)
+        if (reader.color(node, "Coat Tint", groups) < 1).any():
+            reader.warn(f"the coat of {node.name} is taken as clear, without its tint")
     if transmission > 0:
         reader.warn(f"light passes {node.name} unbent")
-    if reader.number(node, "Sheen Weight", groups) > 0:
-        reader.warn(f"the sheen of {node.name} is ignored")
+    for name, text in LEFT_OUT.items():
+        if name in node.inputs and reader.number(node, name, groups) > 0:
+            reader.warn(text.format(node.name))
     alpha = reader.share(node, "Alpha", groups)
     return shading * alpha + clear((1 - alpha) * WHITE)
 
 
+LEFT_OUT = {
+    "Sheen Weight": "the sheen of {} is ignored",
+    "Subsurface Weight": "light that enters {} leaves where it came in: what scatters below the surface is ignored",
+    "Thin Film Thickness": "the thin film of {} is ignored",
+    "Anisotropic": "the gloss of {} is taken as alike in all directions",
+}
+"""Inputs of a Principled that bring something which has no part in diffuse light, and what is done instead."""
+
+
 def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     return Shading(reader.color(node, "Color", groups))
+
+
+def _scattering(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"light that enters {node.name} leaves where it came in: what scatters below the surface is ignored")
+    return _diffuse(reader, node, groups)
+
+
+def _translucent(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} scatters light back, not through: a diffuse surface of its colour stands in")
+    return _diffuse(reader, node, groups)
+
+
+def _stand_in(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} is no {node.bl_label}: a diffuse surface of its colour stands in")
+    return _diffuse(reader, node, groups)
+
+
+def _portal(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} leads no light elsewhere: it is black")
+    return NOTHING
 
 
 def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -267,15 +302,15 @@ def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     if node.distribution == "MULTI_GGX":
         return Shading(color)  # the facets' own losses are given back
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(color * glossy_albedo(roughness, metal_fresnel(WHITE, WHITE), multiscatter=False))
+    return Shading(color * metal_albedo(roughness, (1.0, 1.0, 1.0), multiscatter=False))
 
 
 def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     if node.fresnel_type != "F82":
         reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
-    fresnel = metal_fresnel(reader.color(node, "Base Color", groups), reader.color(node, "Edge Tint", groups))
+    base, edge = (rgb(reader.color(node, name, groups)) for name in ("Base Color", "Edge Tint"))
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(glossy_albedo(roughness, fresnel, node.distribution == "MULTI_GGX"))
+    return Shading(metal_albedo(roughness, base, edge, node.distribution == "MULTI_GGX"))
 
 
 def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -314,9 +349,13 @@ def _add(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
 READERS: dict[str, Callable[[_Reader, bpy.types.Node, Groups], Shading]] = {
     "BSDF_PRINCIPLED": _principled,
     "BSDF_DIFFUSE": _diffuse,
-    "BSDF_TOON": _diffuse,
-    "BSDF_SHEEN": _diffuse,
-    "SUBSURFACE_SCATTERING": _diffuse,
+    "BSDF_TOON": _stand_in,
+    "BSDF_SHEEN": _stand_in,
+    "BSDF_HAIR": _stand_in,
+    "BSDF_HAIR_PRINCIPLED": _stand_in,
+    "BSDF_TRANSLUCENT": _translucent,
+    "BSDF_RAY_PORTAL": _portal,
+    "SUBSURFACE_SCATTERING": _scattering,
     "BSDF_GLOSSY": _glossy,
     "BSDF_METALLIC": _metallic,
     "BSDF_GLASS": _glass,

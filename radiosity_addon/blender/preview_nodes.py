@@ -9,24 +9,29 @@ and adding shaders is mixing and adding these colours.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal
 
 import bpy
 import numpy as np
 
 from ..arrays import Float64
 from ..scene import RGB
-from .materials import READERS, rgb
+from .materials import DEFAULT_REFLECTANCE, READERS, Shading, rgb
 from .names import BAKE_KEY, UV_MAP
+from .node_arithmetic import BLACK, WHITE, Arithmetic, Color, incoming
 from .nodes import Groups, likely
 
-Color: TypeAlias = RGB | bpy.types.NodeSocket
-"""Linear RGB: a constant, or an output socket that computes it."""
-
-BLACK: RGB = (0.0, 0.0, 0.0)
-WHITE: RGB = (1.0, 1.0, 1.0)
-SCALAR_SOCKETS = {"VALUE", "INT", "BOOLEAN"}
-NEW_NODE_WIDTH = 180.0
+COLORS = ("Base Color", "Color", "Emission Color")
+LINEAR = (*COLORS, "Emission Strength", "Strength")
+"""Inputs that closures are linear in, whatever their values."""
+SHARES = ("Metallic", "Transmission Weight", "Coat Weight", "Specular IOR Level")
+"""Inputs that closures are linear in, or nearly so, from 0 to 1."""
+BENT = ("Base Color", "Specular IOR Level")
+"""Of these, those that gloss is not quite linear in."""
+GREY: RGB = (0.5, 0.5, 0.5)
+ROUGHNESS = "Roughness"
+ROUGHNESSES = tuple(step / 8 for step in range(9))
+"""Where closures are tabulated."""
 
 
 @dataclass(frozen=True)
@@ -48,101 +53,6 @@ class Look:
         return self.albedo, self.emission, self.through
 
 
-class Arithmetic:
-    """Adds nodes to a tree that compute with colours; what is constant is computed at once."""
-
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
-        self.tree = tree
-        self._made = 0
-
-    def node(self, kind: str) -> bpy.types.Node:
-        """A new node, placed in a row below the rest."""
-        node = self.tree.nodes.new(kind)
-        node.location = (self._made * NEW_NODE_WIDTH - 600.0, -900.0)
-        node.hide = True
-        node.select = False
-        self._made += 1
-        return node
-
-    def feed(self, color: Color, target: bpy.types.NodeSocket) -> None:
-        """Set or link `target`, a colour or vector input."""
-        if isinstance(color, tuple):
-            target.default_value = color if target.type == "VECTOR" else (*color, 1.0)
-        else:
-            self.tree.links.new(color, target)
-
-    def _math(self, operation: str, *colors: Color) -> bpy.types.NodeSocket:
-        node = self.node("ShaderNodeVectorMath")
-        node.operation = operation
-        for color, target in zip(colors, node.inputs, strict=False):
-            self.feed(color, target)
-        return node.outputs["Vector"]
-
-    def multiply(self, a: Color, b: Color) -> Color:
-        """The product of two colours."""
-        if isinstance(a, tuple) and isinstance(b, tuple):
-            return a[0] * b[0], a[1] * b[1], a[2] * b[2]
-        if a == BLACK or b == BLACK:
-            return BLACK
-        if a == WHITE or b == WHITE:
-            return b if a == WHITE else a
-        return self._math("MULTIPLY", a, b)
-
-    def add(self, a: Color, b: Color) -> Color:
-        """The sum of two colours."""
-        if isinstance(a, tuple) and isinstance(b, tuple):
-            return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-        if a == BLACK or b == BLACK:
-            return b if a == BLACK else a
-        return self._math("ADD", a, b)
-
-    def complement(self, a: Color) -> Color:
-        """1 - a."""
-        if isinstance(a, tuple):
-            return 1 - a[0], 1 - a[1], 1 - a[2]
-        return self._math("SUBTRACT", WHITE, a)
-
-    def root(self, a: Color) -> Color:
-        """The square root of a colour."""
-        if isinstance(a, tuple):
-            return a[0] ** 0.5, a[1] ** 0.5, a[2] ** 0.5
-        node = self.node("ShaderNodeGamma")
-        node.inputs["Gamma"].default_value = 0.5
-        self.tree.links.new(a, node.inputs["Color"])
-        return node.outputs["Color"]
-
-    def clamped(self, a: Color) -> Color:
-        """The colour, each channel held within 0..1."""
-        if isinstance(a, tuple):
-            return min(max(a[0], 0.0), 1.0), min(max(a[1], 0.0), 1.0), min(max(a[2], 0.0), 1.0)
-        return self._math("MINIMUM", self._math("MAXIMUM", a, BLACK), WHITE)
-
-    def mix(self, share: Color, a: Color, b: Color) -> Color:
-        """The colour a where share is 0, b where it is 1."""
-        return self.add(self.multiply(self.complement(share), a), self.multiply(share, b))
-
-    def color(self, socket: bpy.types.NodeSocket) -> Color:
-        """What a colour input receives."""
-        link = incoming(socket)
-        if link is not None and not (link.from_node.type == "RGB" and not link.from_node.mute):
-            return link.from_socket
-        value = (socket if link is None else link.from_socket).default_value
-        if socket.type in SCALAR_SOCKETS:
-            return float(value), float(value), float(value)
-        return float(value[0]), float(value[1]), float(value[2])
-
-    def number(self, socket: bpy.types.NodeSocket) -> Color:
-        """What a number input receives, the same in all three channels."""
-        color = self.color(socket)
-        if isinstance(color, tuple) or color.type in SCALAR_SOCKETS:
-            return color
-        node = self.node("ShaderNodeMath")  # turns a colour into its luminance, as the number input would
-        node.operation = "ADD"
-        node.inputs[1].default_value = 0.0
-        self.tree.links.new(color, node.inputs[0])
-        return node.outputs[0]
-
-
 class Sampler:
     """Asks the extractor what a closure reflects, some of its inputs held at given values.
 
@@ -154,10 +64,14 @@ class Sampler:
         self._held: dict[str, RGB] = {}
         self._means: dict[str, Float64] = {}
 
+    def shading(self, node: bpy.types.Node, held: dict[str, RGB]) -> Shading:
+        """What an opaque closure reflects and emits."""
+        self._held = {**held, "Alpha": WHITE}
+        return READERS[node.type](self, node, self.groups)
+
     def reflectance(self, node: bpy.types.Node, held: dict[str, RGB]) -> RGB:
         """Diffuse and glossy albedo of an opaque closure."""
-        self._held = {**held, "Alpha": WHITE}
-        return rgb(READERS[node.type](self, node, self.groups).reflectance)
+        return rgb(self.shading(node, held).reflectance)
 
     def transmittance(self, node: bpy.types.Node, held: dict[str, RGB]) -> RGB:
         """What a closure of full alpha lets straight through."""
@@ -244,45 +158,45 @@ class ShaderReader(Arithmetic):
             return Look(through=self.color(node.inputs["Color"]))
         colors = [socket for socket in node.inputs if socket.type == "RGBA"]
         if node.type not in READERS:
-            return Look(albedo=self.color(colors[0])) if colors else Look()
+            return Look(albedo=DEFAULT_REFLECTANCE)
         if not colors:
             return Look()
         alpha = self.clamped(self.number(node.inputs["Alpha"])) if "Alpha" in node.inputs else WHITE
-        albedo = self._albedo(node, colors[0])
-        look = Look(albedo, self._emission(node), self._transmission(node, colors[0]))
+        look = Look(self._told(node, "reflectance"), self._told(node, "emission"), self._transmission(node, colors[0]))
         if alpha == WHITE:
             return look
         passing = self.add(self.multiply(look.through, alpha), self.complement(alpha))
         return Look(self.multiply(look.albedo, alpha), self.multiply(look.emission, alpha), passing)
 
-    def _albedo(self, node: bpy.types.Node, color: bpy.types.NodeSocket) -> Color:
-        """Reflectance as transport has it: exact for constants, linear in a colour and in metalness that vary."""
-        base = self.color(color)
-        metallic = self.clamped(self.number(node.inputs["Metallic"])) if "Metallic" in node.inputs else BLACK
+    def _told(self, node: bpy.types.Node, quantity: Literal["reflectance", "emission"]) -> Color:
+        """What transport has of a closure, by inputs that vary.
+
+        It is linear in most colours and shares, so its values at 0 and 1 tell it; in others it bends, and its value
+        halfway tells how much; over roughness it is tabulated. Other inputs, all of them of gloss, count by their mean.
+        """
         read = Sampler(self.groups)
-        if isinstance(base, tuple) and isinstance(metallic, tuple):
-            return read.reflectance(node, {color.name: base, "Metallic": metallic})
+        varying = {}
+        for name in (*LINEAR, *SHARES, ROUGHNESS):
+            if name in node.inputs:
+                color = self.color(node.inputs[name]) if name in COLORS else self.number(node.inputs[name])
+                if not isinstance(color, tuple):
+                    varying[name] = color if name in LINEAR else self.clamped(color)
+        linear = [name for name in varying if name != ROUGHNESS]
 
-        def of_base(metalness: RGB) -> Color:
-            if isinstance(base, tuple):
-                return read.reflectance(node, {color.name: base, "Metallic": metalness})
-            dark = read.reflectance(node, {color.name: BLACK, "Metallic": metalness})
-            bright = read.reflectance(node, {color.name: WHITE, "Metallic": metalness})
-            slope = (bright[0] - dark[0], bright[1] - dark[1], bright[2] - dark[2])
-            return self.add(self.multiply(base, slope), dark)
+        def at(held: dict[str, RGB]) -> RGB:
+            return rgb(getattr(read.shading(node, held), quantity))
 
-        if isinstance(metallic, tuple):
-            return of_base(metallic)
-        return self.mix(metallic, of_base(BLACK), of_base(WHITE))
+        def over(names: list[str], held: dict[str, RGB]) -> Color:
+            if names:
+                first, *rest = names
+                values = (BLACK, GREY, WHITE) if first in BENT else (BLACK, WHITE)
+                told = [over(rest, {**held, first: value}) for value in values]
+                return (self.bent if first in BENT else self.mix)(varying[first], *told)
+            if ROUGHNESS not in varying:
+                return at(held)
+            return self.ramp(varying[ROUGHNESS], [at({**held, ROUGHNESS: (step,) * 3}) for step in ROUGHNESSES])
 
-    def _emission(self, node: bpy.types.Node) -> Color:
-        if node.type == "BSDF_PRINCIPLED":
-            color, strength = node.inputs["Emission Color"], node.inputs["Emission Strength"]
-        elif node.type in ("EMISSION", "BACKGROUND"):
-            color, strength = node.inputs["Color"], node.inputs["Strength"]
-        else:
-            return BLACK
-        return self.multiply(self.color(color), self.number(strength))
+        return over(linear, {})
 
     def _transmission(self, node: bpy.types.Node, color: bpy.types.NodeSocket) -> Color:
         """What glass lets pass, unbent: a pane in front of a baked room is looked through. Two surfaces colour once."""
@@ -342,11 +256,6 @@ class ShaderReader(Arithmetic):
         """Give the group a colour socket more and return its identifier."""
         interface = self.tree.interface
         return interface.new_socket(UV_MAP, in_out=direction, socket_type="NodeSocketColor").identifier
-
-
-def incoming(socket: bpy.types.NodeSocket) -> bpy.types.NodeLink | None:
-    """The link that feeds an input, or None."""
-    return next((link for link in socket.links if not link.is_muted), None)
 
 
 def input_of(node: bpy.types.Node, identifier: str) -> bpy.types.NodeSocket:

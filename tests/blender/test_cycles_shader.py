@@ -12,6 +12,7 @@ import pytest
 from radiosity_addon.arrays import Float32
 from radiosity_addon.blender.cycles_shader import CyclesShader
 from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.blender.materials import read_material
 from radiosity_addon.cells import lay_cells
 from radiosity_addon.errors import SceneError
 from radiosity_addon.shading import Layout, Quantity
@@ -455,6 +456,39 @@ def test_the_three_quantities_of_a_principled_are_told_apart():
     plane("Floor", tree.material)
     assert pages("reflectance")["Floor"][16, 16] == pytest.approx([0.25 * c for c in (0.8, 0.2, 0.1)], abs=0.01)
     assert pages("emission")["Floor"][16, 16] == pytest.approx([0.75 * c for c in (0.8, 0.2, 0.1)], abs=1e-6)
+
+
+TOLD = {
+    "dielectric": {"Base Color": (0.6, 0.3, 0.1), "Roughness": 0.35},
+    "metal": {"Base Color": (0.6, 0.3, 0.1), "Metallic": 1.0, "Roughness": 0.6},
+    "half metal": {"Base Color": (0.6, 0.3, 0.1), "Metallic": 0.5, "Roughness": 0.25},
+    "coated lamp": {"Coat Weight": 0.7, "Emission Color": (0.2, 0.5, 1.0), "Emission Strength": 6.0},
+    "dim mirror": {"Base Color": (0, 0, 0), "Specular IOR Level": 0.8, "Roughness": 0.1},
+    "glass": {"Base Color": (0.9, 0.5, 0.5), "Transmission Weight": 0.6, "Alpha": 0.8},
+}
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_principled_whose_inputs_are_textures_looks_as_one_of_constants(name):
+    """Which Cycles judges in test_materials: within a hundredth, where roughness and metals are interpolated."""
+    constant, textured = Tree("Constant"), Tree("Textured")
+    for tree in (constant, textured):
+        shader, end = tree.node("BsdfPrincipled"), tree.node("OutputMaterial")
+        tree.link(shader.outputs[0], end.inputs["Surface"])
+        for key, value in TOLD[name].items():
+            if tree is textured:
+                color = value if isinstance(value, tuple) else (value,) * 3
+                shown = image(key, [[color]], float_buffer=True, is_data=True)
+                tree.link(of_image(shown)(tree), shader.inputs[key])
+            else:
+                shader.inputs[key].default_value = (*value, 1) if isinstance(value, tuple) else value
+    expected = read_material(constant.material, 0, lambda text: None)
+    plane("Floor", textured.material)
+    (record,) = extract_scene(bpy.context.scene).scene.materials
+    for quantity in record.varies:
+        assert pages(quantity)["Floor"][32, 32] == pytest.approx(getattr(expected, quantity), abs=0.01, rel=0.01)
+    for quantity in {"reflectance", "emission", "transmittance"} - record.varies:
+        assert getattr(record, quantity) == pytest.approx(getattr(expected, quantity), abs=1e-6)
 
 
 def test_nothing_of_the_users_is_changed_and_nothing_is_left():

@@ -251,9 +251,42 @@ def test_a_computed_mix_varies_only_in_what_its_sides_do_not_share():
 
 def test_an_unknown_shader_is_grey_with_a_warning():
     tree = Tree()
-    tree.show(tree.node("BsdfTranslucent"))
+    tree.show(tree.node("EeveeSpecular"))
     assert tree.read().reflectance == (0.8, 0.8, 0.8)
     assert len(tree.warnings) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "text"),
+    [
+        ("BsdfTranslucent", {"Color": GREY}, "Translucent BSDF scatters light back, not through"),
+        ("SubsurfaceScattering", {"Color": GREY}, "leaves where it came in"),
+        ("BsdfToon", {"Color": GREY}, "a diffuse surface of its colour stands in"),
+        ("BsdfPrincipled", {"Subsurface_Weight": 0.5}, "light that enters Principled BSDF leaves where it came in"),
+        ("BsdfPrincipled", {"Sheen_Weight": 0.5}, "the sheen of Principled BSDF is ignored"),
+        ("BsdfPrincipled", {"Anisotropic": 0.5}, "taken as alike in all directions"),
+        ("BsdfPrincipled", {"Coat_Weight": 0.5, "Coat_Tint": GREY}, "without its tint"),
+    ],
+)
+def test_what_is_approximated_is_said_with_the_nodes_name(kind, inputs, text):
+    tree = Tree()
+    tree.show(tree.node(kind, **inputs))
+    assert tree.read().reflectance[0] > 0.4
+    assert len(tree.warnings) == 1
+    assert text in tree.warnings[0]
+
+
+def test_bumps_and_displacement_are_named_with_the_flat_result():
+    tree = Tree()
+    diffuse = tree.node("BsdfDiffuse", Color=GREY)
+    tree.link(tree.node("Bump"), diffuse, "Normal")
+    output = tree.show(diffuse)
+    tree.link(tree.node("Displacement"), output, "Displacement")
+    assert tree.read() == Material("Material", GREY)
+    assert tree.warnings == [
+        "has displacement, which is ignored",
+        "the bumps of Diffuse BSDF are ignored: it is lit as the flat surface below them",
+    ]
 
 
 def test_reflectance_of_one_or_more_is_clamped_with_a_warning():
