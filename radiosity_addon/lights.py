@@ -24,18 +24,8 @@ from .penumbra import smooth_penumbrae
 from .sampling import hash_uniform
 from .scene import AreaLight, Light, Scene, SunLight
 from .settings import BakeSettings
-from .shadows import (
-    TRACE_CHUNK,
-    Bytes,
-    Receivers,
-    Shades,
-    Tally,
-    pooled,
-    sample_groups,
-    shade_codes,
-    shoot,
-    trace_partly,
-)
+from .shades import Bytes, Shades, pooled, shade_codes
+from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
 from .surfaces import Surfaces
 from .texels import STRATA, Texels
 from .visibility import Visibility

@@ -5,28 +5,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .arrays import Bools, Float32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .lamp_samples import cosine_above, lattice_generators, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
+from .shades import Shades, pooled, shade_codes
 from .texels import STRATA, Texels
 from .visibility import Visibility
-
-Bytes: TypeAlias = NDArray[np.uint8]
 
 TRACE_CHUNK = 1 << 13
 """Partly lit texels traced in one go, STRATA rays of each at a time."""
 
-BAND = 512
-"""Rows of a page whose samples are pooled in one go."""
-
 EDGE_RAYS = 64
 """Shadow rays of a texel where a lamp without size casts an edge: they only find the lit share of the footprint."""
+
+AGAIN = 3
+"""Further times that texels send all their rays where these find a cut-out's holes unevenly."""
+
+UNEVEN = 0.02
+"""Standard error of a share from which on they do so."""
+
+TURN = np.float32(0.6180339887)
+"""Each time the samples are shifted by so much of the lamp."""
 
 EVEN = 1e-6
 """Variance of a share below which all samples of it were dimmed alike, as by one pane."""
@@ -74,6 +77,11 @@ class Receivers:
             turn=self.turn[chosen],
         )
 
+    def turned(self, turn: int) -> tuple[Float32, Float32]:
+        """Shifts for the time `turn` that the samples are sent."""
+        u, v = (shifted(TURN * np.float32(turn) % 1, shift) if turn else shift for shift in self.shifts)
+        return u, v
+
     def origins(self, texels: Texels, first: int, count: int) -> Float32:
         """Origins (3, count * B) of each one's shadow rays from number `first` on, one sample after the other."""
         samples = np.arange(first, first + count)[:, None]
@@ -97,19 +105,6 @@ def shoot(
     if len(live):
         share[:, live] = visibility.transmitted(_rays(p, live), _rays(way, live))
     return light, share
-
-
-def shade_codes(share: Float32) -> Bytes:
-    """A number (R,) for each share (C, R) of light: 0 for none, 255 for all, alike for like shares between.
-
-    Few colours look alike to the weights of its channels.
-    """
-    mixed = share[0]
-    if len(share) > 1:
-        mixed = share[0] * np.float32(0.51) + share[1] * np.float32(0.28) + share[2] * np.float32(0.21)
-    codes: Bytes = np.ceil(mixed * np.float32(254)).astype(np.uint8)
-    codes[share.min(0) >= 1] = 255
-    return codes
 
 
 def _rays(rows: Float32, chosen: Int64 | None = None) -> Float32:
@@ -264,14 +259,16 @@ def trace_partly(
     slopes = lattice_generators(texels.pixel[partly], rays)
     tally = Tally.none(len(partly), len(ratio))
 
-    def trace(chosen: Int64, first: int, last: int) -> Fractions[list[None]]:
+    def trace(chosen: Int64, first: int, last: int, turn: int = 0) -> Fractions[list[None]]:
         def work(start: int, stop: int) -> None:
             part = chosen[start:stop]
             receivers = Receivers.of(texels, partly[part])
-            places = range(first, last) if not lamp.extended else range(1)
+            places = range(first, last) if not lamp.extended else [turn]
             origins = [receivers.origins(texels, STRATA * k, STRATA) for k in places]
             own = Tally.none(len(part), len(ratio))
-            own.add(lamp, origins, receivers.normals, receivers.shifts, slopes[part], groups[first:last], visibility)
+            own.add(
+                lamp, origins, receivers.normals, receivers.turned(turn), slopes[part], groups[first:last], visibility
+            )
             for sums, more in zip(vars(tally).values(), vars(own).values(), strict=True):
                 sums[..., part] += more
 
@@ -294,60 +291,14 @@ def trace_partly(
         ratio[:, partly] = tally.share()
         noise[:, partly] = tally.variance() * np.float32(lamp.unevenness)
         if visibility.dims:
-            noise[:, partly[chosen]] = np.maximum(noise[:, partly[chosen]], tally.only(chosen).spread(first))
+            spread = tally.only(chosen).spread(first)
+            noise[:, partly[chosen]] = np.maximum(noise[:, partly[chosen]], spread)
+            uneven = np.zeros(texels.count, np.uint8)
+            uneven[partly[chosen]] = (spread > UNEVEN**2).any(0)
+            near = yield from scaled(pooled(Shades(uneven, uneven), texels, 1, workers), 1, 1)
+            again = chosen[near.high[partly[chosen]] > 0]
+            for turn in range(1, AGAIN + 1):
+                yield from scaled(trace(again, 0, len(groups), turn), 1, 1)
+            ratio[:, partly[again]] = tally.only(again).share()
+            noise[:, partly[again]] /= 1 + AGAIN
     return partly[chosen]
-
-
-@dataclass(frozen=True, eq=False)
-class Shades:
-    """What samples of T texels, or of the squares of pixels about them, saw of a lamp.
-
-    Attributes:
-        low, high: (T,) uint8, least and greatest of the samples' `shade_codes`; 255 and 0 where there are none
-    """
-
-    low: Bytes
-    high: Bytes
-
-    def disagree(self) -> Bools:
-        """(T,) bool, where some samples saw more of the lamp than others."""
-        mixed: Bools = self.low < self.high
-        return mixed
-
-
-def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
-    """The shades in squares of `2 reach + 1` pixels of a page."""
-    size = texels.size
-    bands = -(-size // BAND)
-    near = Shades(np.empty_like(shades.low), np.empty_like(shades.high))
-
-    def work(start: int, stop: int) -> None:
-        page, band = divmod(start, bands)
-        first, last = band * BAND, min((band + 1) * BAND, size)
-        low, high = max(first - reach, 0), min(last + reach, size)
-        base = page * size * size
-        ends = np.searchsorted(texels.pixel, [base + row * size for row in (low, first, last, high)])
-        place = texels.pixel[ends[0] : ends[3]] - (base + low * size)
-        own = slice(ends[1] - ends[0], ends[2] - ends[0])
-        for extreme, none, codes, found in (
-            (np.minimum, 255, shades.low, near.low),
-            (np.maximum, 0, shades.high, near.high),
-        ):
-            image = np.full((high - low) * size, none, np.uint8)
-            image[place] = codes[ends[0] : ends[3]]
-            found[ends[1] : ends[2]] = _over_squares(extreme, image.reshape(-1, size), reach).reshape(-1)[place[own]]
-
-    yield from in_chunks(work, texels.page_count * bands, 1, workers)
-    return near
-
-
-def _over_squares(extreme: np.ufunc, image: Bytes, reach: int) -> Bytes:
-    """Least or greatest values in squares of 2 reach + 1 pixels."""
-    for axis in (0, 1):
-        found = image.copy()
-        ahead, behind = np.moveaxis(found, axis, 0), np.moveaxis(image, axis, 0)
-        for step in range(1, reach + 1):
-            extreme(ahead[step:], behind[:-step], out=ahead[step:])
-            extreme(ahead[:-step], behind[step:], out=ahead[:-step])
-        image = found
-    return image
