@@ -33,7 +33,7 @@ from .stages import Progress, Stage, StageLog
 from .subdivision import patch_edges
 from .surfaces import Surfaces, flatten
 from .texels import Texels, rasterize
-from .transmittance import transmittance_of
+from .transmittance import Transmittance, transmittance_of
 from .unwrap import Atlas, build_atlas
 from .validity import solid_triangles, strata_inside
 from .visibility import Visibility
@@ -96,7 +96,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     atlas = yield from log.stage("Unwrap", build_atlas(scene, settings))
     surfaces = flatten(scene)
     scene = scene.moved(-surfaces.origin)
-    transmittance = transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
+    transmittance = yield from log.stage("Transparency", _transmittance(scene, surfaces, atlas, shade))
     visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
     solid = solid_triangles(scene, surfaces, visibility)
     texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
@@ -141,6 +141,13 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
         stages=tuple(log.stages),
         warnings=warnings,
     )
+
+
+def _transmittance(
+    scene: Scene, surfaces: Surfaces, atlas: Atlas, shade: Shader | None
+) -> Fractions[Transmittance | None]:
+    yield 0.0
+    return transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
 
 
 def _valid_texels(

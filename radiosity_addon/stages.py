@@ -14,7 +14,8 @@ T = TypeVar("T")
 
 STAGES = {
     "Unwrap": 0.1,
-    "Texels": 0.06,
+    "Transparency": 0.01,
+    "Texels": 0.05,
     "Materials": 0.02,
     "Direct light": 0.26,
     "Transport": 0.14,
