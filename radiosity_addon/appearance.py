@@ -12,7 +12,7 @@ from .chunks import Fractions
 from .opacity import Opacity
 from .scene import MAX_REFLECTANCE, Scene
 from .shading import Layout, Quantity, Shader
-from .surfaces import Surfaces
+from .surfaces import Surfaces, on_front
 from .texels import Texels
 from .unwrap import Atlas
 
@@ -63,6 +63,8 @@ def appearance_of(
     for done, quantity in enumerate(SHOWN):
         varies = np.array([quantity in entry.varies for entry in scene.materials] or [False])
         asked = varies[texels.surfaces.material]
+        behind = np.flatnonzero(asked[triangle] & (triangle >= texels.surfaces.fronts))
+        asked[texels.surfaces.fronts :] = False  # backs look like the fronts
         if quantity == "emission":
             asked &= ~sampled
         if shade is None or not asked.any():
@@ -75,6 +77,8 @@ def appearance_of(
             picture[texels.pixel[chosen]], quantity, triangle[chosen], scene, texels.surfaces
         )
         values[quantity][chosen] = colors
+        front = texels.at(*on_front(texels.surfaces, triangle[behind], texels.barycentric[behind, 0]))
+        values[quantity][behind] = values[quantity][front]
         said += warnings
     group = np.array([entry.group for entry in scene.materials], np.int32)[material]
     return Appearance(values["reflectance"], values["emission"], group), said

@@ -28,6 +28,7 @@ from .radiosity import Balance
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
+from .sides import with_backs
 from .sky import sky_of
 from .stages import Progress, Stage, StageLog
 from .subdivision import patch_edges
@@ -93,12 +94,15 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     if not any(mesh.lightmapped and len(mesh.triangles) for mesh in scene.meshes):
         raise SceneError("Scene", "there is no surface to bake", "Add a mesh, or enable it for rendering")
     log = StageLog()
-    atlas = yield from log.stage("Unwrap", build_atlas(scene, settings))
-    surfaces = flatten(scene)
+    every_side = with_backs(scene)
+    atlas = yield from log.stage("Unwrap", build_atlas(every_side, settings))
+    surfaces = flatten(every_side)
+    fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
-    transmittance = yield from log.stage("Transparency", _transmittance(scene, surfaces, atlas, shade))
-    visibility = log.visibility = Visibility(surfaces.corners, transmittance, surfaces.offset)
-    solid = solid_triangles(scene, surfaces, visibility)
+    transmittance = yield from log.stage("Transparency", _transmittance(scene, fronts, atlas, shade))
+    visibility = log.visibility = Visibility(fronts.corners, transmittance, surfaces.offset)
+    solid = np.zeros(surfaces.count, bool)
+    solid[: fronts.count] = solid_triangles(scene, fronts, visibility)
     texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
     sky = sky_of(scene.world)
     suns = () if sky is None else sky.suns
@@ -130,7 +134,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     return Baked(
         atlas=atlas,
         pages=pages,
-        mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:, 0]], minlength=len(scene.meshes)),
+        mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:, 0]], minlength=len(every_side.meshes)),
         texels=int(np.count_nonzero(wanted)),
         patches=patches.count,
         rays=visibility.rays,
@@ -165,9 +169,11 @@ def _looks(
 ) -> Fractions[tuple[Lamps, Appearance, tuple[str, ...]]]:
     """What shines as a lamp, how all else looks, and warnings about what can't be as it is shown."""
     yield 0.0
-    glow, said = glow_of(scene, texels.surfaces, shade)
-    lamps = lamps_of(scene, texels.surfaces, suns, glow)
-    look, warnings = yield from scaled(appearance_of(scene, atlas, texels, lamps.sampled, shade), 0.3, 1.0)
+    fronts = texels.surfaces.without_backs()
+    glow, said = glow_of(scene, fronts, shade)
+    lamps = lamps_of(scene, fronts, suns, glow)
+    sampled = lamps.sampled[texels.surfaces.front]
+    look, warnings = yield from scaled(appearance_of(scene, atlas, texels, sampled, shade), 0.3, 1.0)
     return lamps, look, said + warnings
 
 

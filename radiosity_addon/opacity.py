@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .arrays import Float32
 from .sampling import hash_uniform
+from .surfaces import on_front
 from .texels import STRATA, Texels
 from .transmittance import NEARLY, Transmittance
 
@@ -44,8 +45,7 @@ def opacity_of(texels: Texels, transmittance: Transmittance | None) -> Opacity |
     strata = np.empty(texels.count, np.uint8)
     for start in range(0, texels.count, CHUNK):
         part = slice(start, start + CHUNK)
-        triangle = texels.triangle[part].reshape(-1)
-        u, v = np.ascontiguousarray(texels.barycentric[part].reshape(-1, 2).T)
+        triangle, u, v = on_front(texels.surfaces, texels.triangle[part], texels.barycentric[part])
         stopped = 1 - transmittance.at(triangle, u, v).mean(0).reshape(-1, STRATA)
         stopped[stopped < NEARLY] = 0
         share[part] = stopped.mean(1)

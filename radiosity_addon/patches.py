@@ -21,6 +21,7 @@ from .chunks import finish
 from .coverage import ragged
 from .opacity import Opacity
 from .sampling import even_uniform
+from .sides import seen_side
 from .surfaces import BLOCK
 from .texels import BITS, STRATA, Texels
 from .visibility import Hits, Visibility
@@ -51,7 +52,7 @@ class Patches:
         reflectance: (N, 3) float32, mean over this area
         emission: (N, 3) float32, W/m2, exitance that is not sampled as a lamp
         of_element: (T + N,) int32, patch of each element; NOTHING for invalid texels
-        back: (T,) int32, patch behind each texel, NOTHING for solids
+        back: (T,) int32, patch behind each texel, NOTHING for solids and two-sided meshes
         texels: the texels
         walls: where walls stand on them
         sides: (N,) float32, 1 for fronts, -1 for backs
@@ -95,6 +96,7 @@ class Patches:
 
     def elements(self, hits: Hits) -> Int32:
         """The element (R,) that each ray met."""
+        hits = seen_side(self.texels.surfaces, hits)
         found = self.texels.at(hits.triangle, hits.u, hits.v)
         found[self.walls.behind(self.texels, found, hits)] = NOTHING
         found[found < 0] = NOTHING
@@ -141,7 +143,7 @@ def group_patches(
     Args:
         reflectance: (T, 3) float32, of light that is stopped
         emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp, over the area that stops light
-        solid: (F,) bool, triangles without a back side
+        solid: (F,) bool, triangles that nothing sees from behind
         opacity: what texels stop; None: everything
         levels: (T,) how often cells are halved at each texel, fronts alone; None: nowhere
     """
@@ -149,7 +151,7 @@ def group_patches(
     taking = np.flatnonzero(texels.valid & (stopping > 0)).astype(np.int32)
     extent = float(texels.area[taking].sum(dtype=np.float64))
     width = float(np.sqrt(extent / max(target, 1))) or 1.0
-    hollow = ~solid[texels.triangle[:, 0][taking]]
+    hollow = ~(solid | texels.surfaces.two_sided)[texels.triangle[:, 0][taking]]
 
     def parted(cell: Int32, count: int, chosen: Int32, first: Bools, side: int) -> tuple[Int32, int]:
         """Cells that no wall crosses."""

@@ -171,4 +171,5 @@ def _vertices(surfaces: Surfaces) -> Int64:
     ranked = place[order]
     number = np.empty(len(place), np.int64)
     number[order] = np.cumsum(np.concatenate([[0], ranked[1:] != ranked[:-1]])[: len(order)])
+    number[3 * surfaces.fronts :] += len(number)  # the other side of a surface is not beside it
     return number.reshape(-1, 3)

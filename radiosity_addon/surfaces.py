@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,9 +22,12 @@ BLOCK = 1 << 14
 """Points are interpolated in blocks of so many, whose temporaries (64 KB each) stay in cache."""
 
 
+_OF_TRIANGLES = ("corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "front")
+
+
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """F triangles, meshes one after the other.
+    """F triangles, meshes one after the other; those of backs, the twins of others, last.
 
     Attributes:
         corners: (F, 3, 3) float32, m, relative to `origin`
@@ -36,6 +39,7 @@ class Surfaces:
         first: (M + 1,) int64, where each mesh's triangles begin
         component: (F,) int32, connected part of a mesh, counted through all meshes
         closed: (F,) bool, every edge of the component is shared by exactly two triangles
+        front: (F,) int32, of a twin the triangle whose back it is, of others themselves
         origin: (3,) float64, m, what was subtracted from world space
         radius: half the diagonal of the bounding box, m
     """
@@ -49,12 +53,39 @@ class Surfaces:
     first: Int64
     component: Int32
     closed: Bools
+    front: Int32
     origin: Float64
     radius: float
 
     @property
     def count(self) -> int:
         return len(self.area)
+
+    @cached_property
+    def fronts(self) -> int:
+        """Triangles before the first twin: what rays can meet."""
+        return int(self.front.max(initial=-1)) + 1
+
+    @cached_property
+    def twin(self) -> Int32:
+        """(F,) int32, the triangle that is the back of each, -1 for none."""
+        twin = np.full(self.count, -1, np.int32)
+        twin[self.front[self.fronts :]] = np.arange(self.fronts, self.count, dtype=np.int32)
+        return twin
+
+    @cached_property
+    def two_sided(self) -> Bools:
+        """(F,) bool, triangles that have a twin or are one."""
+        return np.asarray((self.twin >= 0) | (np.arange(self.count) >= self.fronts))
+
+    def without_backs(self) -> Surfaces:
+        """The triangles that rays can meet."""
+        if self.fronts == self.count:
+            return self
+        some = slice(self.fronts)
+        meshes = int(np.searchsorted(self.first, self.fronts, side="right"))  # backs are never of no triangles
+        parts = {name: getattr(self, name)[some] for name in _OF_TRIANGLES}
+        return replace(self, first=self.first[:meshes], **parts)
 
     @property
     def offset(self) -> float:
@@ -108,6 +139,7 @@ def flatten(scene: Scene) -> Surfaces:
     length = np.linalg.norm(cross, axis=1)
     normal = cross / np.where(length > 0, length, 1)[:, None]
     component, closed = _components(scene)
+    front = _fronts(scene, first)
     return Surfaces(
         corners=corners.astype(np.float32),
         normal=normal.astype(np.float32),
@@ -117,10 +149,35 @@ def flatten(scene: Scene) -> Surfaces:
         material=_joined([mesh.material for mesh in scene.meshes], (0,), np.int32),
         first=first,
         component=component,
-        closed=closed,
+        closed=closed & (front == np.arange(len(front))),
+        front=front,
         origin=origin,
         radius=float(np.linalg.norm(high - low) / 2),
     )
+
+
+def on_front(surfaces: Surfaces, triangle: Int32, weights: Float32) -> tuple[Int32, Float32, Float32]:
+    """Triangles and barycentrics u, v, flat, at which points of triangles, twins included, lie on fronts.
+
+    Args:
+        triangle: (...,)
+        weights: (..., 2)
+    """
+    own = triangle.reshape(-1)
+    u, v = np.ascontiguousarray(weights.reshape(-1, 2).T)
+    if surfaces.fronts == surfaces.count:
+        return own, u, v
+    turned = own >= surfaces.fronts
+    return surfaces.front[own], np.where(turned, v, u), np.where(turned, u, v)
+
+
+def _fronts(scene: Scene, first: Int64) -> Int32:
+    """(F,) of each triangle of backs the one in front, of others themselves."""
+    front = np.arange(first[-1], dtype=np.int32)
+    for index, mesh in enumerate(scene.meshes):
+        if mesh.front is not None:
+            front[first[index] : first[index + 1]] = np.arange(first[mesh.front], first[mesh.front + 1])
+    return front
 
 
 def _joined(parts: list, empty: tuple[int, ...], dtype: type) -> np.ndarray:  # type: ignore[type-arg]

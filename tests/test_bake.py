@@ -16,6 +16,8 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight, World
 from radiosity_addon.settings import BakeSettings
+from radiosity_addon.shading import Shader
+from radiosity_addon.sides import with_backs
 from radiosity_addon.stages import STAGES, Progress
 from radiosity_addon.surfaces import flatten
 from radiosity_addon.texels import rasterize
@@ -51,16 +53,17 @@ class Lit:
         return self.light[self.mesh == mesh]
 
 
-def bake_of(scene: Scene, **settings: object) -> Baked:
+def bake_of(scene: Scene, shade: Shader | None = None, **settings: object) -> Baked:
     """A small bake in draft quality unless `settings` say otherwise; light is finite and never negative."""
-    baked = finish(bake(scene, BakeSettings(**{"page_size": 64, "quality": "draft", **settings})))
+    baked = finish(bake(scene, BakeSettings(**{"page_size": 64, "quality": "draft", **settings}), shade))
     assert all(np.isfinite(page).all() and page.min() >= 0 for page in baked.pages)
     return baked
 
 
 def lit(scene: Scene, **settings: object) -> Lit:
+    """A bake, texel by texel; backs of two-sided meshes are the meshes after the scene's own."""
     baked = bake_of(scene, **settings)
-    surfaces = flatten(scene)
+    surfaces = flatten(with_backs(scene))
     texels = finish(rasterize(baked.atlas, surfaces, 1))
     shown = texels.pixel < baked.atlas.page_count * baked.atlas.size**2
     return Lit(
