@@ -53,6 +53,7 @@ class BakedObject:
         matrix: 4 x 4 world matrix of an instance
         instancer: of an instance, the object that makes it
         index: of an instance, which of the instancer's it is, a number for each level of instancing
+        back_page: of a two-sided object, index of the page that holds its backs
     """
 
     source: str
@@ -65,6 +66,7 @@ class BakedObject:
     matrix: Sequence[Sequence[float]] | None = None
     instancer: str | None = None
     index: Sequence[int] = ()
+    back_page: int | None = None
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,8 @@ def _as_dict(baked: BakedObject) -> dict[str, Any]:
         "texels": int(baked.texels),
         "density": _finite(baked.density),
     }
+    if baked.back_page is not None:
+        entry["back_page"] = int(baked.back_page)
     if baked.uv_scale is not None:
         entry["uv_scale"] = [float(x) for x in baked.uv_scale]
     if baked.uv_offset is not None:

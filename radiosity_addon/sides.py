@@ -6,6 +6,7 @@ Rays meet fronts only. A hit on the back of a triangle that has a twin is a hit 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +19,15 @@ TURNED = [0, 2, 1]
 """Order of the corners of a triangle seen from behind."""
 
 
+def backs_of(meshes: Sequence[Mesh]) -> dict[int, int]:
+    """Of each two-sided mesh, by its index, the index that the record of its backs will have."""
+    wanted = [index for index, mesh in enumerate(meshes) if mesh.two_sided and mesh.lightmapped and len(mesh.triangles)]
+    return {index: len(meshes) + k for k, index in enumerate(wanted)}
+
+
 def with_backs(scene: Scene) -> Scene:
     """The scene with a record of the backs of each two-sided mesh after all others; itself where there is none."""
-    wanted = [mesh.two_sided and mesh.lightmapped and len(mesh.triangles) > 0 for mesh in scene.meshes]
-    backs = [_back(mesh, index) for index, mesh in enumerate(scene.meshes) if wanted[index]]
+    backs = [_back(scene.meshes[index], index) for index in backs_of(scene.meshes)]
     return replace(scene, meshes=(*scene.meshes, *backs)) if backs else scene
 
 

@@ -28,6 +28,7 @@ from .preflight import (
     check_size,
     finite_matrix,
     is_flat,
+    is_two_sided,
 )
 from .shapes import Shape, has_loops_of, placed, read_shape, read_uv
 from .shared_shapes import SharedShapes
@@ -291,6 +292,8 @@ class _Reading:
                 library=original.library.filepath if original.library else None,
             )
         )
+        two_sided = lightmapped and is_two_sided(original)
+        shares = lightmapped and shared and not two_sided  # a place says where one map lies, not where two do
         self.meshes.append(
             Mesh(
                 name=thing.name,
@@ -304,7 +307,8 @@ class _Reading:
                 density=getattr(settings, "density", 1.0),
                 uv=uv,
                 chart=chart,
-                shape=self.families.number(mesh.as_pointer(), uv_map, matrix) if lightmapped and shared else None,
+                shape=self.families.number(mesh.as_pointer(), uv_map, matrix) if shares else None,
+                two_sided=two_sided,
             )
         )
 

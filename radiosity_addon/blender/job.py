@@ -21,6 +21,7 @@ from ..page_files import page_paths, sidecar_path, write_pages, write_sidecar
 from ..page_format import PageFormat
 from ..report import BakedObject, Page, Report
 from ..settings import BakeSettings
+from ..sides import backs_of
 from ..stages import Progress
 from .cycles_shader import CyclesShader
 from .extract import extract_scene
@@ -99,15 +100,17 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
             pack=job.folder is None,
         )
     end = time.perf_counter()
-    lit = [index for index, page in enumerate(baked.atlas.page) if 0 <= page < baked.atlas.page_count]
+    own = range(len(extraction.sources))
+    lit = [index for index in own if 0 <= baked.atlas.page[index] < baked.atlas.page_count]
+    texels = baked.mesh_texels.copy()
+    for front, back in backs_of(extraction.scene.meshes).items():
+        texels[front] += texels[back]
     return Report(
         pages=[
             Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"]), seen.maps[page] if seen else {})
             for page, row in enumerate(images)
         ],
-        objects=[
-            BakedObject(**row, texels=int(baked.mesh_texels[index])) for row, index in zip(rows, lit, strict=True)
-        ],
+        objects=[BakedObject(**row, texels=int(texels[index])) for row, index in zip(rows, lit, strict=True)],
         skipped=extraction.skipped,
         stages=[
             ("Read scene", read - start, 0),

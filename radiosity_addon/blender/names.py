@@ -12,6 +12,9 @@ import bpy
 UV_MAP = "Radiosity"
 """Name of the uv map that places a mesh on its page."""
 
+BACK_UV_MAP = "Radiosity Back"
+"""Name of the uv map that places the backs of a two-sided mesh on theirs."""
+
 BAKE_KEY = "radiosity_bake"
 """The bake's token: on the scene, and on every datablock that the bake made or changed."""
 

@@ -156,6 +156,7 @@ class RADIOSITY_PT_object(bpy.types.Panel):
         lit = taking_part.column()
         lit.active = not settings.only_casts
         lit.prop(settings, "density")
+        lit.prop(settings, "two_sided")
         if context.object.type == "MESH":
             lit.prop_search(settings, "uv_map", context.object.data, "uv_layers")
         else:

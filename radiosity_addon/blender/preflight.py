@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Float64
 from ..errors import SceneError
-from .names import UV_MAP, has_our_uv_map
+from .names import BACK_UV_MAP, UV_MAP, has_our_uv_map
 
 MAX_COORDINATE = 1e15
 """m; beyond it squares overflow float32."""
@@ -46,7 +46,7 @@ def check_can_carry(thing: bpy.types.Object) -> None:
     if not data.is_editable and thing.override_library is None:
         raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
     if isinstance(data, bpy.types.Mesh) and not has_our_uv_map(data):
-        _check_uv_room(thing.name, data)
+        _check_uv_room(thing, data)
 
 
 def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
@@ -64,14 +64,23 @@ def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mes
         local = "Make it local, or set what it shows to only shadow and bounce light"
         raise SceneError(instancer.name, "it is linked from another file", local)
     if not (has_our_uv_map(mesh) or (isinstance(thing.data, bpy.types.Mesh) and has_our_uv_map(thing.data))):
-        _check_uv_room(thing.name, mesh)
+        _check_uv_room(thing, mesh)
 
 
-def _check_uv_room(name: str, mesh: bpy.types.Mesh) -> None:
-    if UV_MAP in mesh.uv_layers:
-        raise SceneError(name, f"it has a uv map of its own named {UV_MAP!r}", "Rename that uv map")
-    if len(mesh.uv_layers) >= MAX_UV_MAPS:
-        raise SceneError(name, f"all {MAX_UV_MAPS} uv maps are used already", "Remove one of its uv maps")
+def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    wanted = (UV_MAP, BACK_UV_MAP) if is_two_sided(thing) else (UV_MAP,)
+    for name in wanted:
+        if name in mesh.uv_layers:
+            raise SceneError(thing.name, f"it has a uv map of its own named {name!r}", "Rename that uv map")
+    if len(mesh.uv_layers) + len(wanted) > MAX_UV_MAPS:
+        used = f"{len(mesh.uv_layers)} of {MAX_UV_MAPS} uv maps are used already"
+        cause = f"{used}, and two sides take two" if len(wanted) > 1 else f"all {MAX_UV_MAPS} uv maps are used already"
+        raise SceneError(thing.name, cause, "Remove one of its uv maps")
+
+
+def is_two_sided(thing: bpy.types.Object) -> bool:
+    """Whether an object's backs get a place on the lightmaps."""
+    return bool(getattr(getattr(thing, "radiosity", None), "two_sided", False))
 
 
 def check_memory(name: str, triangles: int) -> None:

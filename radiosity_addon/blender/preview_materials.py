@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import bpy
 
 from .materials import DEFAULT_REFLECTANCE, tree_of
-from .names import BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
+from .names import BACK_UV_MAP, BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
 from .page_images import light_of
-from .preview_nodes import BLACK, Look, ShaderReader
+from .preview_nodes import BLACK, Color, Look, ShaderReader
 
 ENGINES = ("CYCLES", "EEVEE")
 
@@ -30,29 +30,33 @@ class PreviewMaterials:
         """
         self.token = token
         self.images = images
-        self._made: dict[tuple[int, int, bool], bpy.types.Material] = {}
+        self._made: dict[tuple[int, int, bool, int | None], bpy.types.Material] = {}
 
-    def of(self, material: bpy.types.Material | None, page: int, placed: bool) -> bpy.types.Material:
+    def of(
+        self, material: bpy.types.Material | None, page: int, placed: bool, back: int | None = None
+    ) -> bpy.types.Material:
         """The material's copy for a page; for an empty slot one in the grey that Cycles gives it.
 
         Args:
             placed: for objects that share a uv map, each with a place of its own
+            back: page of the backs of a two-sided object
         """
-        key = (0 if material is None else material.session_uid, page, placed)
+        key = (0 if material is None else material.session_uid, page, placed, back)
         if key not in self._made:
-            self._made[key] = self._make(material, page, placed)
+            images = self.images[page], None if back is None else self.images[back]
+            self._made[key] = self._make(material, Lightmap(images[0], placed, images[1]))
         return self._made[key]
 
-    def _make(self, material: bpy.types.Material | None, page: int, placed: bool) -> bpy.types.Material:
+    def _make(self, material: bpy.types.Material | None, lightmap: Lightmap) -> bpy.types.Material:
         copy = bpy.data.materials.new("Empty") if material is None else material.copy()
         copy[BAKE_KEY] = self.token  # first: what has the token is taken out again should anything fail
         copy[PREVIEW_KEY] = True
         if material is not None:
             copy[ORIGINAL_MATERIAL_KEY] = material
-        copy.name = f"{'Empty' if material is None else material.name} ({self.images[page].name})"
+        copy.name = f"{'Empty' if material is None else material.name} ({lightmap.image.name})"
         copy.use_fake_user = False
         copy.asset_clear()
-        emits = _show(copy, material is None, Lightmap(self.images[page], placed), self.token)
+        emits = _show(copy, material is None, lightmap, self.token)
         if not emits and hasattr(copy, "cycles"):
             copy.cycles.emission_sampling = "NONE"  # reflected light: no lamp to aim shadow rays at
         return copy
@@ -65,10 +69,12 @@ class Lightmap:
     Attributes:
         image: the page
         placed: the uv map is shared, the object knows its place
+        back: the page of the backs of a two-sided object
     """
 
     image: bpy.types.Image
     placed: bool
+    back: bpy.types.Image | None = None
 
 
 def _show(material: bpy.types.Material, empty: bool, lightmap: Lightmap, token: str) -> bool:
@@ -106,12 +112,21 @@ def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, lightmap: Light
     reader.tree.links.new(shader, end.inputs["Surface"])
 
 
-def _light(reader: ShaderReader, lightmap: Lightmap) -> bpy.types.NodeSocket:
+def _light(reader: ShaderReader, lightmap: Lightmap) -> Color:
+    front = _page(reader, lightmap.image, UV_MAP, lightmap.placed)
+    if lightmap.back is None:
+        return front
+    behind = reader.node("ShaderNodeNewGeometry").outputs["Backfacing"]
+    return reader.mix(behind, front, _page(reader, lightmap.back, BACK_UV_MAP, False))
+
+
+def _page(reader: ShaderReader, image: bpy.types.Image, uv_map: str, placed: bool) -> bpy.types.NodeSocket:
+    """The light that a page holds where a uv map says."""
     uv, texture = reader.node("ShaderNodeUVMap"), reader.node("ShaderNodeTexImage")
-    uv.uv_map = UV_MAP
-    texture.image = lightmap.image
+    uv.uv_map = uv_map
+    texture.image = image
     texture.extension = "EXTEND"
-    where = _placed(reader, uv.outputs["UV"]) if lightmap.placed else uv.outputs["UV"]
+    where = _placed(reader, uv.outputs["UV"]) if placed else uv.outputs["UV"]
     reader.tree.links.new(where, texture.inputs["Vector"])
     return light_of(reader.tree, texture, reader.token)
 

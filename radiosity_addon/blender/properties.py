@@ -146,6 +146,11 @@ class RadiosityObjectSettings(bpy.types.PropertyGroup):
         soft_max=8.0,
         max=1000.0,
     )
+    two_sided: BoolProperty(
+        name="Two-Sided",
+        description="Give the backs of the faces places of their own on the lightmaps, as leaves and sheets need them",
+        default=False,
+    )
     uv_map: StringProperty(
         name="UV Map",
         description="Keep this uv map for the lightmap instead of unwrapping. Empty: unwrap",

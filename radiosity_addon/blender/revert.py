@@ -9,6 +9,7 @@ from __future__ import annotations
 import bpy
 
 from .names import (
+    BACK_UV_MAP,
     BAKE_KEY,
     KEYS,
     SLOT_KEY,
@@ -16,7 +17,6 @@ from .names import (
     STAND_IN_KEY,
     UV_KEY,
     UV_MAP,
-    has_our_uv_map,
     is_behind_stand_in,
     is_preview,
     is_stand_in,
@@ -90,11 +90,12 @@ def _restore_mesh(mesh: bpy.types.Mesh) -> None:
         return
     kept = mesh[UV_KEY].to_dict()
     layers = mesh.uv_layers
-    if has_our_uv_map(mesh):
-        ours = layers[UV_MAP]
-        if ours.active and kept["active"] in layers:
+    for name in (BACK_UV_MAP, UV_MAP):
+        if name not in layers:
+            continue
+        if layers[name].active and kept["active"] in layers:
             layers.active = layers[kept["active"]]
-        if ours.active_render and kept["rendered"] in layers:
+        if layers[name].active_render and kept["rendered"] in layers:
             layers[kept["rendered"]].active_render = True
-        layers.remove(layers[UV_MAP])
+        layers.remove(layers[name])
     del mesh[UV_KEY]

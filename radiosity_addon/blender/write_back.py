@@ -17,14 +17,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import bpy
 import numpy as np
 
-from ..arrays import Float32
+from ..arrays import Float32, Int32
 from ..errors import SceneError
 from ..page_format import Recipe
+from ..sides import TURNED, backs_of
 from .evaluation import at_render_settings
 from .extract import Extraction, Source, check_can_carry
 from .instance_stand_ins import Replacement, replace_instancers
 from .instances import Key
-from .names import BAKE_KEY, PAGE_KEY, PLACE_KEY, SLOT_KEY, SLOTS_KEY, UV_KEY, UV_MAP, has_our_uv_map
+from .names import BACK_UV_MAP, BAKE_KEY, PAGE_KEY, PLACE_KEY, SLOT_KEY, SLOTS_KEY, UV_KEY, UV_MAP, has_our_uv_map
 from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
@@ -46,6 +47,7 @@ class _Place:
         common: what all have in common that can share a mesh of one uv map
         uv: (L, 2) float32, by loop of the evaluated mesh, up to the last loop used
         place: where the object lies that shares its uv map, as (scale, u, v); None where the map says it all
+        back: page and uv (L, 2), as `uv`, of the backs of a two-sided object
         target: the object that will carry the uv map: the source itself, or its stand-in once that is made
         instances: the source shows instances of other objects that stay
     """
@@ -57,6 +59,7 @@ class _Place:
     common: Common
     uv: Float32
     place: tuple[float, float, float] | None
+    back: tuple[int, Float32] | None = None
     target: bpy.types.Object | None = None
     instances: bool = False
 
@@ -74,6 +77,8 @@ class _Place:
         if self.place is not None:
             scale, *shift = self.place
             row |= {"uv_scale": (scale, scale), "uv_offset": tuple(shift)}
+        if self.back is not None:
+            row |= {"back_page": self.back[0]}
         if self.record.instancer:
             row |= {"instancer": self.record.instancer, "index": self.record.index, "matrix": self.record.matrix}
         return row
@@ -144,6 +149,7 @@ def leave_edit_mode(scene: bpy.types.Scene) -> None:
 def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> list[_Place]:
     places = []
     may_own: dict[bpy.types.Mesh, list[_Place]] = {}
+    backs = backs_of(extraction.scene.meshes)
     for index, source in enumerate(extraction.sources):
         if not 0 <= atlas.page[index] < atlas.page_count:
             continue
@@ -151,13 +157,11 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> li
         if thing is None:
             raise SceneError(source.object_name, "was renamed or deleted during the bake", "Bake again")
         mesh, place = extraction.scene.meshes[index], atlas.places.get(index)
-        if place is None:
-            uv = np.zeros((int(mesh.corner.max(initial=-1)) + 1, 2), dtype=np.float32)
-            uv[mesh.corner.ravel()] = atlas.uv[index].reshape(-1, 2)
-        else:
-            uv = atlas.layouts[mesh.shape]
+        uv = _by_corner(mesh.corner, atlas.uv[index]) if place is None else atlas.layouts[mesh.shape]
+        other = backs.get(index)
+        back = (int(atlas.page[other]), _by_corner(mesh.corner[:, TURNED], atlas.uv[other])) if other else None
         common = ("mesh", index) if place is None else ("shape", mesh.shape)
-        places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place))
+        places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place, back))
         if source.instancer:
             continue
         check_can_carry(thing)
@@ -169,6 +173,13 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> li
         for place in users:
             place.target = place.source if place.common == most else None
     return places
+
+
+def _by_corner(corner: Int32, uv: Float32) -> Float32:
+    """The uv (F, 3, 2) of triangles by polygon corner, (L, 2)."""
+    result: Float32 = np.zeros((int(corner.max(initial=-1)) + 1, 2), np.float32)
+    result[corner.ravel()] = uv.reshape(-1, 2)
+    return result
 
 
 def _check_corners(thing: bpy.types.Object, mesh: bpy.types.Mesh, uv: Float32) -> None:
@@ -231,7 +242,7 @@ def _make_stand_ins(
             raise SceneError(place.source.name, "its instances were changed during the bake", "Bake again")
         if not place.own_mesh and place.target.data not in written:
             _check_corners(place.source, place.target.data, place.uv)
-            _write_uv(place.target.data, place.uv, token)
+            _write_uvs(place, token)
             written.add(place.target.data)
     return replacements
 
@@ -244,7 +255,7 @@ def _switch(
     written = set()
     for place in places:
         if place.own_mesh and place.target.data not in written:
-            _write_uv(place.target.data, place.uv, token)
+            _write_uvs(place, token)
             written.add(place.target.data)
         if place.place is not None:
             place.target[BAKE_KEY], place.target[PLACE_KEY] = token, place.place
@@ -260,7 +271,14 @@ def _switch(
         replacement.hide(token)
 
 
-def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:
+def _write_uvs(place: _Place, token: str) -> None:
+    mesh = place.target.data
+    _write_uv(mesh, UV_MAP, place.uv, token)
+    if place.back is not None:
+        _write_uv(mesh, BACK_UV_MAP, place.back[1], token)
+
+
+def _write_uv(mesh: bpy.types.Mesh, name: str, uv: Float32, token: str) -> None:
     """Add our uv map, the user's stay active."""
     mesh[BAKE_KEY] = token
     layers = mesh.uv_layers
@@ -268,9 +286,9 @@ def _write_uv(mesh: bpy.types.Mesh, uv: Float32, token: str) -> None:
         active = layers.active.name if layers.active else ""
         rendered = next((layer.name for layer in layers if layer.active_render), "")
         mesh[UV_KEY] = {"active": active, "rendered": rendered}
-    if UV_MAP in layers:  # a copied mesh may share the array with the one that it was copied from
-        layers.remove(layers[UV_MAP])
-    layer = layers.new(name=UV_MAP, do_init=False)
+    if name in layers:  # a copied mesh may share the array with the one that it was copied from
+        layers.remove(layers[name])
+    layer = layers.new(name=name, do_init=False)
     if layer is None:
         raise SceneError(mesh.name, "takes no further uv map", "Remove one of its uv maps")
     full = np.zeros((len(mesh.loops), 2), dtype=np.float32)
@@ -292,6 +310,6 @@ def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None
         if shared:
             slot.link = "OBJECT"
             before[str(index)] = {"link": link} | ({"material": slot.material} if slot.material else {})
-        slot.material = previews.of(material, place.page, place.place is not None)
+        slot.material = previews.of(material, place.page, place.place is not None, place.back and place.back[0])
     if shared and place.own_mesh:
         thing[BAKE_KEY], thing[SLOTS_KEY] = token, before
