@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Float64
 from ..errors import SceneError
-from .names import BACK_UV_MAP, UV_MAP, has_our_uv_map
+from .names import BACK_UV_MAP, UV_KEY, UV_MAP, has_our_uv_map
 
 MAX_COORDINATE = 1e15
 """m; beyond it squares overflow float32."""
@@ -45,7 +45,7 @@ def check_can_carry(thing: bpy.types.Object) -> None:
         raise SceneError(thing.name, "it is linked from another file", local)
     if not data.is_editable and thing.override_library is None:
         raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
-    if isinstance(data, bpy.types.Mesh) and not has_our_uv_map(data):
+    if isinstance(data, bpy.types.Mesh):
         _check_uv_room(thing, data)
 
 
@@ -69,12 +69,14 @@ def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mes
 
 def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
     wanted = (UV_MAP, BACK_UV_MAP) if is_two_sided(thing) else (UV_MAP,)
+    own = [layer.name for layer in mesh.uv_layers if UV_KEY not in mesh or layer.name not in (UV_MAP, BACK_UV_MAP)]
     for name in wanted:
-        if name in mesh.uv_layers:
+        if name in own:
             raise SceneError(thing.name, f"it has a uv map of its own named {name!r}", "Rename that uv map")
-    if len(mesh.uv_layers) + len(wanted) > MAX_UV_MAPS:
-        used = f"{len(mesh.uv_layers)} of {MAX_UV_MAPS} uv maps are used already"
-        cause = f"{used}, and two sides take two" if len(wanted) > 1 else f"all {MAX_UV_MAPS} uv maps are used already"
+    if len(own) + len(wanted) > MAX_UV_MAPS:
+        cause = f"all {MAX_UV_MAPS} uv maps are used already"
+        if len(wanted) > 1:
+            cause = f"{len(own)} of {MAX_UV_MAPS} uv maps are used already, and its two sides take two"
         raise SceneError(thing.name, cause, "Remove one of its uv maps")
 
 
