@@ -23,7 +23,7 @@ PAGE = 1024
 EDGES = (128, 64, 32, 16, 8, 4)
 """Texels along a cell: the largest that goes onto the page."""
 
-PIECES = 1024
+PIECES = 4096
 """Pieces that an emitter is cut into, at most, unless it has more triangles."""
 
 TEXELS_ALONG = 4
