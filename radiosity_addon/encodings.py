@@ -121,7 +121,7 @@ def encode_rgb9e5(linear: Float32) -> UInt8:
     As OpenGL's EXT_texture_shared_exponent lays down: graphics cards sample these bytes as they are.
     """
     held = np.clip(linear, 0, np.float32(RGB9E5_MAX))
-    high = held.max(axis=-1)
+    high = np.maximum(np.maximum(held[..., 0], held[..., 1]), held[..., 2])
     exponent = np.clip(np.frexp(high)[1], -15, 16)  # high < 2^exponent
     exponent += np.floor(np.ldexp(high, 9 - exponent) + np.float32(0.5)).astype(np.int32) == 512  # rounded up
     mantissa = np.floor(np.ldexp(held, (9 - exponent)[..., None]) + np.float32(0.5)).astype(np.uint32)
@@ -141,10 +141,10 @@ def rounded_to_rgbe(linear: Float32) -> Float32:
 
     Eight bits a channel and a shared exponent (Ward 1991). Cut off alone, colours would darken by 0.3 % on average.
     """
-    exponent = np.frexp(np.maximum(linear.max(axis=-1, keepdims=True), np.float32(1e-37)))[1]
-    mantissa = np.floor(np.ldexp(linear, 8 - exponent) + np.float32(0.5))
-    over = mantissa.max(axis=-1, keepdims=True) > 255
-    exponent = exponent + over
-    mantissa = np.where(over, np.floor(np.ldexp(linear, 8 - exponent) + np.float32(0.5)), mantissa)
-    rounded: Float32 = np.ldexp(mantissa + np.where(mantissa > 0, np.float32(0.01), np.float32(0)), exponent - 8)
+    high = np.maximum(np.maximum(linear[..., 0], linear[..., 1]), linear[..., 2])
+    exponent = np.frexp(np.maximum(high, np.float32(1e-37)))[1]
+    exponent += np.ldexp(high, 8 - exponent) >= 255.5  # rounded up
+    step = np.ldexp(np.float32(1), exponent - 8)[..., None]
+    mantissa = np.floor(linear / step + np.float32(0.5))
+    rounded: Float32 = (mantissa + (mantissa > 0) * np.float32(0.01)) * step
     return rounded

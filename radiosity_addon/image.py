@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ from .files import Transaction
 HALF_MAX = float(np.finfo(np.float16).max)
 """65504, the largest number that an EXR of half floats holds."""
 FLOAT_MAX = float(np.finfo(np.float32).max)
-HDR_ROWS = 32
-"""Rows of a Radiance file rounded in one go."""
+ROWS = 32
+"""Rows of a page looked at in one go, so that what is computed on the way stays in cache."""
 
 
 def write_exr(
@@ -68,7 +69,7 @@ def write_hdr(path: Path, pixels: Float32, files: Transaction, workers: int = 1)
     Radiance's header could name the primaries, but OpenImageIO does not write it: the sidecar does.
     """
     held, clamped = _held(pixels[::-1], 0.0, RGBE_MAX)
-    rows = finish(in_chunks(lambda start, stop: rounded_to_rgbe(held[start:stop]), len(held), HDR_ROWS, workers))
+    rows = finish(in_chunks(lambda start, stop: rounded_to_rgbe(held[start:stop]), len(held), ROWS, workers))
     _write(path, np.concatenate(rows), {}, files)
     return clamped
 
@@ -91,8 +92,8 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _held(pixels: Float32, low: float, high: float) -> tuple[Float32, int]:
-    sound = (pixels >= low) & (pixels <= high)
-    clamped = int(sound.size - np.count_nonzero(sound))
+    sound = sum(np.count_nonzero((rows >= low) & (rows <= high)) for rows in _blocks(pixels))
+    clamped = pixels.size - int(sound)
     if clamped:
         pixels = np.clip(np.nan_to_num(pixels, nan=0.0, posinf=high, neginf=low), low, high).astype(np.float32)
     return pixels, clamped
@@ -132,9 +133,20 @@ def _same(oiio: Any, path: Path, pixels: NDArray[Any]) -> bool:
     found.close()
     if back is None or back.shape != pixels.shape:
         return False
-    if path.suffix == ".hdr":
-        return bool((np.abs(back - pixels) <= pixels.max(axis=-1, keepdims=True) / 256).all())
-    return bool(np.array_equal(back, pixels))
+    step = 1 / 256 if path.suffix == ".hdr" else 0.0
+    return all(_alike(one, other, step) for one, other in zip(_blocks(back), _blocks(pixels), strict=True))
+
+
+def _alike(back: NDArray[Any], pixels: NDArray[Any], step: float) -> bool:
+    """Whether colours are the same, to a step of their largest channel."""
+    if not step:
+        return bool(np.array_equal(back, pixels))
+    largest = np.maximum(np.maximum(pixels[..., 0], pixels[..., 1]), pixels[..., 2])
+    return bool((np.abs(back - pixels) <= step * largest[..., None]).all())
+
+
+def _blocks(pixels: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    return (pixels[start : start + ROWS] for start in range(0, len(pixels), ROWS))
 
 
 def _openimageio() -> Any:

@@ -44,8 +44,8 @@ HUES = 1 << 14
 """Hues at which the highest saturation is looked up; between them it is linear."""
 EDGE_POINTS = 400
 """Colours on half an edge of a gamut at which its highest saturation is known; between them it is linear in hue."""
-BISECTIONS = 18
-"""Halvings that find the boundary, to 4e-6 of a colour's chroma."""
+BISECTIONS = 14
+"""Halvings that find the boundary, to 6e-5 of a colour's chroma."""
 TEXEL_BLOCK = 1 << 14
 """Texels mapped in one go: a plane of them is 64 KB, so that a few stay in cache."""
 CHUNK = 1 << 18
