@@ -3,8 +3,8 @@
 
 Errors: of a colour's largest channel, over colours of every saturation in Rec.709 whose largest channels span 16 stops,
 from 16 W/(m2 sr) down; of pictures, which do not span as many, as a share of white. Bytes and seconds: of a page like a
-bake's, smooth with a little noise, for pictures with colours in Rec.2020 and some texels brighter than white, mapped into
-what the format holds, written and read back; the best of three. Processor seconds are those of all threads together.
+bake's, smooth with a little noise, for pictures with colours in Rec.2020 and some texels brighter than white, mapped
+into what the format holds, written and read back; the best of three. Processor seconds are those of all threads.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from .revert import revert as take_out_of
 from .stand_in import as_unbaked
 
 if TYPE_CHECKING:
-    from ..cli import Verb
+    from ..arguments import Verb
     from ..progress import Meter
     from ..stages import Progress
 

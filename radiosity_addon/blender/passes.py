@@ -21,7 +21,7 @@ from .job import Job, bake_scene
 from .render_picture import is_whole, render_picture
 
 if TYPE_CHECKING:
-    from ..cli import Verb
+    from ..arguments import Verb
     from ..progress import Meter
 
 EDGE = 640
