@@ -41,11 +41,11 @@ COMPACT = math.sin(math.radians(3) / 2) ** 2
 WIDEST = math.sin(math.radians(20) / 2) ** 2
 """No lamp is wider: such pieces go back to the map."""
 
-FAINTEST = 2e-3
+FAINTEST = 5e-3
 """Nor fainter than this share of the flux of the rest: such a piece is no brighter there than a few cells."""
 
-SPLIT_SHARE = 3e-4
-"""Nor is one whose spread matters less than this share of the flux of the rest."""
+SPLIT_SHARE = 1e-3
+"""Nor is one whose spread matters less than this share of the flux of the rest: outdoors, lamps take most time."""
 
 SAME_SIZE, SAME_PLACE = 1.6, 0.5
 """Pieces are one light if their radii are alike within this factor and their middles within this share of one."""

@@ -8,6 +8,7 @@ import pytest
 
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import finish
+from radiosity_addon.lamps import sun_lamp
 from radiosity_addon.scene import Material, Scene, SkyTile, SunLight, World
 from radiosity_addon.settings import BakeSettings
 from radiosity_addon.sky import CELLS, MOST_LAMPS, Sky, cells, sky_of
@@ -65,10 +66,11 @@ def page(scene: Scene, world: World, **settings: object) -> np.ndarray:
 
 
 def light_of(sky: Sky, facing: np.ndarray) -> np.ndarray:
-    """Irradiance (3,) on a plane in the open: the lamps where they are well over the horizon, and the map's cells."""
+    """Irradiance (3,) on a plane in the open, from the lamps and the map's cells."""
     total = np.zeros(3)
     for sun in sky.suns:
-        total += np.array(sun.irradiance) * max(0.0, -float(np.dot(sun.direction, facing)))
+        light = sun_lamp(sun, 1.0).light(np.zeros((1, 3), np.float32), facing[None].astype(np.float32), None)
+        total += light * np.array(sun.irradiance)
     way = ways(1024)
     cosine = np.maximum(way @ facing, 0) * solid_angles(1024)
     weight = np.bincount(cells(way.reshape(-1, 3).astype(np.float32)), cosine.reshape(-1), CELLS)
