@@ -51,6 +51,7 @@ PLANS = {
     "attic": Plan(0.017, 2048, inside=np.array([[-0.01, -0.01, -0.01], [5.01, 6.26, 3.31]])),
     "office": Plan(0.026, 512),
     "gallery": Plan(0.025, 512),
+    "pergola": Plan(0.01, 512, without=("Leaves", "Stained Glass", "Curtain", "Case")),
 }
 
 
