@@ -129,9 +129,10 @@ def transmittance_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, de
     texels = np.zeros((3, cells.size**2), np.float32)
     if shader is not None and len(chosen):
         texels = _asked(scene, surfaces, shader, chosen, cells)
-        lowest[chosen], highest[chosen] = cells.range_of(texels.min(0)), cells.range_of(texels.max(0), highest=True)
         value[:, chosen] = 0
-    if max(float(np.ptp(part, axis=0).max(initial=0)) for part in (value, texels)) < NEARLY:
+    least, most = _over_channels(np.minimum, texels), _over_channels(np.maximum, texels)
+    lowest[chosen], highest[chosen] = cells.range_of(np.minimum, least), cells.range_of(np.maximum, most)
+    if max(float(np.ptp(value, axis=0).max(initial=0)), float((most - least).max())) < NEARLY:
         value, texels = value[:1], texels[:1]
     means = [mean_pane_transmittance(material.ior) for material in scene.materials]
     return Transmittance(
@@ -231,9 +232,8 @@ class _Cells:
                 column, row = (part[:, None] for part in own[start : start + step].T)
                 page[row + y, column + x] = page[row + edge - 1 - x, column + edge - 1 - y]
 
-    def range_of(self, texels: Float32, highest: bool = False) -> Float32:
+    def range_of(self, extreme: np.ufunc, texels: Float32) -> Float32:
         """Lowest or highest value (K,) of `texels` (size * size,) in each cell, by halving the page again and again."""
-        extreme = np.maximum if highest else np.minimum
         result: Float32 = np.zeros(len(self.edge), np.float32)
         page: Float32 = texels.reshape(self.size, self.size)
         for level in range(1, self.size.bit_length()):
@@ -241,3 +241,9 @@ class _Cells:
             own = np.flatnonzero(self.edge == 1 << level)
             result[own] = page[self.corner[own, 1] >> level, self.corner[own, 0] >> level]
         return result
+
+
+def _over_channels(extreme: np.ufunc, texels: Float32) -> Float32:
+    """Least or greatest (P,) of three channels (3, P)."""
+    found: Float32 = extreme(extreme(texels[0], texels[1]), texels[2])
+    return found

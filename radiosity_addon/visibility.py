@@ -230,11 +230,14 @@ class Visibility:
         assert self.transmittance is not None
         ray = np.arange(len(origins))
         begin = np.zeros(len(origins), np.float32)
-        for _ in range(MOST_LAYERS):
+        start, way = origins, directions
+        for layer in range(MOST_LAYERS):
             if self._veils.empty or not len(ray):
                 return ray[:0]
-            way = directions[ray]
-            hits, normal = self._veils.first(origins[ray] + begin[:, None] * way, way, ends[ray] - begin)
+            if layer:
+                way = directions[ray]
+                start = origins[ray] + begin[:, None] * way
+            hits, normal = self._veils.first(start, way, ends[ray] - begin)
             met = np.flatnonzero(hits.triangle >= 0)
             ray, way, normal, begin = ray[met], way[met], normal[met], begin[met]
             hits = Hits(hits.triangle[met], hits.u[met], hits.v[met], begin + hits.distance[met], hits.front[met])
