@@ -35,7 +35,7 @@ from .shared_shapes import SharedShapes
 from .spline_meshes import SplineMeshes, is_bare_tube
 from .stand_in import as_unbaked
 from .surface_answers import SurfaceAnswers
-from .surface_inputs import Asking
+from .surface_inputs import Asking, Input
 from .working_space import working_space
 from .world import read_world, render_sky
 
@@ -142,6 +142,7 @@ class _Reading:
         self.shown: list[tuple[str, Asking | None]] = []  # full name of each record's material, what it asks for
         self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
         self.surfaces: dict[int, SurfaceAnswers] = {}
+        self.answers: dict[int, dict[Input, Float32]] = {}  # of shared meshes
         self.shapes: dict[int, Shape] = {}
         self.splines = SplineMeshes(depsgraph)
         self.meshes: list[Mesh] = []
@@ -175,7 +176,7 @@ class _Reading:
 
     def extraction(self) -> Extraction:
         """The records of what was taken in."""
-        emitting = any(any(material.emission) for material in self.materials)
+        emitting = any(any(material.emission) or "emission" in material.varies for material in self.materials)
         if not (self.lights or emitting or any(self.world.radiance) or self.world.sky):
             self.warn("There is no light in the scene: the lightmaps will be black")
         scene = Scene(
@@ -270,7 +271,8 @@ class _Reading:
         material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
         asking = [self.shown[index][1] for index in np.unique(material) if self.shown[index][1] is not None]
         if asking:
-            self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph)
+            kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
+            self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
         uv = kept_uv(mesh, shape, thing.name, settings) if lightmapped else None
         chart = None
         if splines is not None:
@@ -366,6 +368,8 @@ class _Reading:
         except LinkCycle as cycle:
             return cycle
         asking = Asking.of(evaluated.node_tree) if self.materials[-1].varies else None
+        for text in asking.unanswered if asking else ():
+            self.warn(f"Material {name!r} of {user}: {text}")
         self.shown.append((shown.name_full if shown is not None else "", asking))
         return len(self.materials) - 1
 

@@ -16,6 +16,10 @@ ABSENT = np.zeros((1, 1), np.float32)
 """What a surface answers that does not have what is asked for, as Cycles takes it."""
 
 
+OF_MESHES = ("generated", "object", "uv", "attribute", "colour attribute")
+"""What has nothing to do with the object that shows a mesh."""
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceAnswers:
     """What a surface answers to the trees of its materials.
@@ -39,12 +43,22 @@ class SurfaceAnswers:
         item: bpy.types.DepsgraphObjectInstance,
         mesh: bpy.types.Mesh,
         depsgraph: bpy.types.Depsgraph,
+        kept: dict[Input, Float32],
     ) -> SurfaceAnswers:
-        """What a rendered surface answers; what it does not have is 0, as Cycles takes it."""
+        """What a rendered surface answers; what it does not have is 0, as Cycles takes it.
+
+        Args:
+            kept: answers of the mesh, the same for all that show it; new ones are added
+        """
         wanted = frozenset().union(*(asks.inputs for asks in tree_asks))
         islands = any(asks.islands for asks in tree_asks)
+        values = {asked: kept.get(asked) for asked in wanted}
+        for asked in [asked for asked in wanted if values[asked] is None]:
+            values[asked] = _read(asked, item, mesh, depsgraph)
+            if asked.kind in OF_MESHES:
+                kept[asked] = values[asked]
         return cls(
-            values={asked: _read(asked, item, mesh, depsgraph) for asked in wanted},
+            values=values,
             matrix=np.array(item.matrix_world, np.float64),
             apart=islands or any(asks.own_space for asks in tree_asks),
             edges=_get(mesh.edges, "vertices", 2, np.int32) if islands else None,

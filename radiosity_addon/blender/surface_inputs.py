@@ -34,11 +34,13 @@ class Asking:
     Attributes:
         own_space: directions in the space of the object
         islands: connected parts of the object
+        unanswered: a line on each node that asks what is not told
     """
 
     inputs: frozenset[Input]
     own_space: bool
     islands: bool
+    unanswered: tuple[str, ...]
 
     @classmethod
     def of(cls, tree: bpy.types.NodeTree) -> Asking:
@@ -46,8 +48,24 @@ class Asking:
         nodes = [node for part in trees_within(tree) for node in part.nodes]
         linked = {asked for node in nodes for output, asked, _ in _asking(node) if output.is_linked}
         unlinked = {UNLINKED[node.type] for node in nodes if _lacks_vector(node)}
-        return cls(frozenset(linked | unlinked), any(map(_asks_own_space, nodes)), any(map(_asks_islands, nodes)))
+        return cls(
+            inputs=frozenset(linked | unlinked),
+            own_space=any(map(_asks_own_space, nodes)),
+            islands=any(map(_asks_islands, nodes)),
+            unanswered=tuple(f"{node.name} {UNANSWERED[node.type]}" for node in nodes if node.type in UNANSWERED),
+        )
 
+
+UNANSWERED = {
+    "AMBIENT_OCCLUSION": "finds only surfaces around it whose materials vary",
+    "BEVEL": "rounds no edges",
+    "HAIR_INFO": "is not followed: it gives 0",
+    "PARTICLE_INFO": "is not followed: it gives 0",
+    "POINT_INFO": "is not followed: it gives 0",
+    "SCRIPT": "is not run: it gives 0",
+    "TANGENT": "follows the lightmap's own directions",
+}
+"""What becomes of nodes that ask what a joined mesh can't tell."""
 
 UNLINKED: dict[str, Input] = {"TEX_IMAGE": Input("uv")} | dict.fromkeys(
     ("TEX_BRICK", "TEX_CHECKER", "TEX_GABOR", "TEX_GRADIENT", "TEX_MAGIC", "TEX_NOISE", "TEX_SKY", "TEX_VORONOI",

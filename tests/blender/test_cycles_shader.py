@@ -510,6 +510,19 @@ def test_nothing_of_the_users_is_changed_and_nothing_is_left():
     assert bpy.context.view_layer.objects.active == active
 
 
+def test_a_picture_that_shines_is_light_and_nodes_that_are_not_followed_are_named():
+    def occluded(tree: Tree) -> bpy.types.NodeSocket:
+        node = tree.node("AmbientOcclusion")
+        tree.link(checkers(tree), node.inputs["Color"])
+        return node.outputs["Color"]
+
+    plane("Floor", emitting(occluded, "Paint"))
+    warnings = extract_scene(bpy.context.scene).scene.warnings
+    assert warnings == (
+        "Material 'Paint' of Floor: Ambient Occlusion finds only surfaces around it whose materials vary",
+    )
+
+
 def test_a_material_that_is_gone_is_an_error_that_leaves_nothing():
     plane("Floor", emitting(checkers, "Paint"))
     extraction = extract_scene(bpy.context.scene)
