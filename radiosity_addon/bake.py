@@ -100,7 +100,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
     transmittance = yield from log.stage("Transparency", _transmittance(scene, fronts, atlas, shade))
-    visibility = log.visibility = Visibility(fronts.corners, transmittance, surfaces.offset)
+    visibility = log.visibility = Visibility(fronts.corners, transmittance, surfaces.offset, fronts.met, fronts.casts)
     solid = np.zeros(surfaces.count, bool)
     solid[: fronts.count] = solid_triangles(scene, fronts, visibility)
     texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
@@ -137,7 +137,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
         mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:, 0]], minlength=len(every_side.meshes)),
         texels=int(np.count_nonzero(wanted)),
         patches=patches.count,
-        rays=visibility.rays,
+        rays=visibility.traced,
         residual=log.residual,
         residuals=solution.residuals,
         balance=solution.balance,

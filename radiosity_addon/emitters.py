@@ -44,7 +44,7 @@ def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -
     bright = (emission > 0).any(1)[surfaces.material]
     if glow is not None:
         bright[glow.triangle] = glow.radiance.any((1, 2))
-    glowing = np.flatnonzero(bright & (surfaces.area > 0))
+    glowing = np.flatnonzero(bright & (surfaces.area > 0) & surfaces.met)
     owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
     for emitter in np.unique(owner):

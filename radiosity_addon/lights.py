@@ -93,6 +93,7 @@ def irradiance_at(
         samples: shadow rays of a point and lamp
         seed_ids: (P,) what the samples are hashed from
     """
+    visibility = visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
     for start in range(0, len(points), TRACE_CHUNK):
         part = slice(start, start + TRACE_CHUNK)
@@ -123,6 +124,7 @@ def direct_irradiance(
     Returns:
         (T, G, 3) float32, W/m2; zero where a texel is not valid
     """
+    visibility = visibility.of_lamps
     total = np.zeros((texels.count, group_count, 3), np.float32)
     size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
     batches = [lamps.lamps[start : start + size] for start in range(0, len(lamps.lamps), size)]

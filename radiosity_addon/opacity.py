@@ -38,9 +38,12 @@ class Opacity:
 
 
 def opacity_of(texels: Texels, transmittance: Transmittance | None) -> Opacity | None:
-    """What the texels stop; None where all are opaque."""
+    """What the texels stop of the light between surfaces; None where all are opaque."""
+    met = texels.surfaces.met
     if transmittance is None:
-        return None
+        if met.all():
+            return None
+        return Opacity(met[texels.triangle[:, 0]].astype(np.float32), np.full(texels.count, 15, np.uint8))
     share = np.empty(texels.count, np.float32)
     strata = np.empty(texels.count, np.uint8)
     for start in range(0, texels.count, CHUNK):
@@ -48,6 +51,7 @@ def opacity_of(texels: Texels, transmittance: Transmittance | None) -> Opacity |
         triangle, u, v = on_front(texels.surfaces, texels.triangle[part], texels.barycentric[part])
         stopped = 1 - transmittance.at(triangle, u, v).mean(0).reshape(-1, STRATA)
         stopped[stopped < NEARLY] = 0
+        stopped[~met[texels.triangle[part]]] = 0
         share[part] = stopped.mean(1)
         number = np.arange(start * STRATA, start * STRATA + stopped.size).reshape(-1, STRATA)
         sends = stopped > hash_uniform(number) * stopped.max(1, keepdims=True)

@@ -68,6 +68,8 @@ class Mesh:
         shape: meshes of the same number, 0 and up, share one unwrap, which each scales and shifts as a whole: their
             polygons, corners and existing maps are the same and their vertices differ by little more than a
             similarity; None: an unwrap of its own
+        met: light that surfaces and the world send out meets it; otherwise that light passes, and it sends out none
+        casts: stops the light of lamps on its way to others
         two_sided: its backs get a place on a page too
         front: of a record of backs: index of the mesh whose backs they are
     """
@@ -84,6 +86,8 @@ class Mesh:
     uv: Float32 | None = None
     chart: Int32 | None = None
     shape: int | None = None
+    met: bool = True
+    casts: bool = True
     two_sided: bool = False
     front: int | None = None
 

@@ -65,7 +65,7 @@ class StageLog:
 
     @property
     def rays(self) -> int:
-        return self.visibility.rays if self.visibility else 0
+        return self.visibility.traced if self.visibility else 0
 
     def stage(self, name: str, steps: Generator[float, None, T]) -> Generator[Progress, None, T]:
         """Run a stage; its time is all that passed since the last one ended. One that comes again adds to the first."""

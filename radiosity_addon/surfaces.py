@@ -22,7 +22,9 @@ BLOCK = 1 << 14
 """Points are interpolated in blocks of so many, whose temporaries (64 KB each) stay in cache."""
 
 
-_OF_TRIANGLES = ("corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "front")
+_OF_TRIANGLES = (
+    "corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "met", "casts", "front",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,8 @@ class Surfaces:
         first: (M + 1,) int64, where each mesh's triangles begin
         component: (F,) int32, connected part of a mesh, counted through all meshes
         closed: (F,) bool, every edge of the component is shared by exactly two triangles
+        met: (F,) bool, light between surfaces meets it
+        casts: (F,) bool, it stops the light of lamps
         front: (F,) int32, of a twin the triangle whose back it is, of others themselves
         origin: (3,) float64, m, what was subtracted from world space
         radius: half the diagonal of the bounding box, m
@@ -53,6 +57,8 @@ class Surfaces:
     first: Int64
     component: Int32
     closed: Bools
+    met: Bools
+    casts: Bools
     front: Int32
     origin: Float64
     radius: float
@@ -150,6 +156,8 @@ def flatten(scene: Scene) -> Surfaces:
         first=first,
         component=component,
         closed=closed & (front == np.arange(len(front))),
+        met=np.repeat(np.array([mesh.met for mesh in scene.meshes], bool), np.diff(first)),
+        casts=np.repeat(np.array([mesh.casts for mesh in scene.meshes], bool), np.diff(first)),
         front=front,
         origin=origin,
         radius=float(np.linalg.norm(high - low) / 2),

@@ -54,6 +54,7 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     pairs, seen = np.unique(np.stack([source, around], axis=1), axis=0, return_counts=True)
     needed = np.where(pairs[:, 0] < count, LAMP_RAYS // 2, 3)
     rooms = pairs[seen >= needed, 1]
+    rooms = np.concatenate([rooms, surfaces.component[~(surfaces.met & surfaces.casts)]])
     if visibility.transmittance is not None:
         rooms = np.concatenate([rooms, surfaces.component[~visibility.transmittance.opaque]])
     return surfaces.closed & _facing_outward(surfaces) & ~np.isin(surfaces.component, rooms)

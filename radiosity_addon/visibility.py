@@ -119,24 +119,38 @@ class Visibility:
     Args:
         transmittance: what they let through; None: nothing
         lift: m, perpendicular to a surface, by which a ray that passes it steps on: nearer ones count as one
+        met: (F,) bool, triangles that are there at all
+        casts: (F,) bool, triangles that are there for the light of lamps
 
     Attributes:
+        of_lamps: what hides lamps: this, where the same triangles do
         transmittance: as given
         rays: traced so far
     """
 
-    def __init__(self, corners: Float32, transmittance: Transmittance | None = None, lift: float = 0.0) -> None:
+    def __init__(
+        self,
+        corners: Float32,
+        transmittance: Transmittance | None = None,
+        lift: float = 0.0,
+        met: Bools | None = None,
+        casts: Bools | None = None,
+    ) -> None:
         if not np.isfinite(corners).all() or (corners.size and np.abs(corners).max() > 1e15):
             raise ValueError("corners must be finite and below 1e15 m")
+        met, casts = (np.ones(len(corners), bool) if part is None else part for part in (met, casts))
         self.rays = 0
         self._lock = threading.Lock()
         self.transmittance = transmittance
         self._lift = np.float32(lift)
         if transmittance is None:
-            self._opaque = _Tree(corners)
+            self._opaque = _Tree(corners, None if met.all() else np.flatnonzero(met))
         else:
-            self._opaque = _Tree(corners, np.flatnonzero(transmittance.opaque))
-            self._veils = _Tree(corners, np.flatnonzero(~(transmittance.opaque | transmittance.clear)))
+            self._opaque = _Tree(corners, np.flatnonzero(transmittance.opaque & met))
+            self._veils = _Tree(corners, np.flatnonzero(~(transmittance.opaque | transmittance.clear) & met))
+        self.of_lamps = self
+        if not np.array_equal(met, casts):
+            self.of_lamps = Visibility(corners, transmittance, lift, casts, casts)
 
     @property
     def dims(self) -> bool:
@@ -153,6 +167,11 @@ class Visibility:
             raise ValueError("origins and directions must both be (R, 3)")
         with self._lock:
             self.rays += len(origins)
+
+    @property
+    def traced(self) -> int:
+        """Rays traced so far, those to lamps included."""
+        return self.rays if self.of_lamps is self else self.rays + self.of_lamps.rays
 
     def occluded(self, origins: Float32, segments: Float32) -> Bools:
         """Whether what lies between origins (R, 3) and origins + segments (R, 3) stops most of the light."""

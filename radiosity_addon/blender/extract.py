@@ -249,7 +249,8 @@ class _Reading:
         lightmapped = thing.type != "CURVES" and self.gets_lightmap(item)
         if thing.type == "CURVES":
             self.skipped.setdefault(thing.name, "hair can't carry a lightmap; it only shadows and bounces light")
-        self.check_rays(thing, item.parent if instanced else thing)
+        maker = item.parent if instanced else thing
+        self.check_rays(thing, maker)
         if not len(mesh.polygons):
             raise Skip(NO_FACES)
         if is_flat(matrix):
@@ -311,6 +312,8 @@ class _Reading:
                 chart=chart,
                 shape=self.families.number(mesh.as_pointer(), uv_map, matrix) if shares else None,
                 two_sided=two_sided,
+                met=thing.visible_diffuse and maker.visible_diffuse,
+                casts=thing.visible_shadow and maker.visible_shadow,
             )
         )
 
@@ -318,8 +321,9 @@ class _Reading:
         """An instance is seen by the rays that see both the object and what makes the instance."""
         if not any(getattr(thing, name) and getattr(maker, name) for name in RAYS):
             raise Skip("it is invisible to all rays")
-        if not all(each.visible_diffuse and each.visible_shadow for each in (thing, maker)):
-            self.warn(f"{thing.name}: its ray visibility is not followed, it shadows and bounces light")
+        for name, what in (("is_shadow_catcher", "a shadow catcher"), ("is_holdout", "a holdout")):
+            if getattr(thing, name):
+                self.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
 
     def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
         name = item.object.name

@@ -265,6 +265,21 @@ def test_visibility_is_the_renders():
     }
 
 
+def test_ray_visibility_is_followed_and_what_a_bake_can_not_show_is_said():
+    add_mesh("ordinary")
+    add_mesh("no bounce").visible_diffuse = False
+    add_mesh("no shadow").visible_shadow = False
+    add_mesh("catcher").is_shadow_catcher = True
+    add_mesh("hole").is_holdout = True
+    extraction = extract()
+    rays = {mesh.name: (mesh.met, mesh.casts) for mesh in extraction.scene.meshes}
+    assert rays["ordinary"] == rays["catcher"] == rays["hole"] == (True, True)
+    assert rays["no bounce"] == (False, True)
+    assert rays["no shadow"] == (True, False)
+    said = [text for text in extraction.warnings if "ordinary surface" in text]
+    assert [text.split()[0] for text in said] == ["catcher", "hole"]
+
+
 def test_only_the_chosen_objects_get_lightmaps_and_the_others_still_take_part():
     add_mesh("a")
     add_mesh("b")
