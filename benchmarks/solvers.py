@@ -58,20 +58,20 @@ def captured(scene: str) -> tuple:
 
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / f"{scene}.blend"))
     found = []
-    kept = solvers.SOLVERS["progressive"]
+    kept = solvers.SOLVERS[BakeSettings.solver]
 
     def spy(transport, patches, exitance, *rest):  # type: ignore[no-untyped-def]
         found.append((transport, patches, exitance))
         return kept(transport, patches, exitance, *rest)
 
-    solvers.SOLVERS["progressive"] = spy
+    solvers.SOLVERS[BakeSettings.solver] = spy
     steps = bake(extract_scene(bpy.context.scene).scene, BakeSettings(page_size=PAGE_SIZE))
     try:
         while not found:
             next(steps)
     finally:
         steps.close()
-        solvers.SOLVERS["progressive"] = kept
+        solvers.SOLVERS[BakeSettings.solver] = kept
     return found[0]
 
 

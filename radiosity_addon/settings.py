@@ -80,7 +80,7 @@ class BakeSettings:
     page_size: int = 1024
     quality: QualityName = "medium"
     form_factors: FormFactorName = "nusselt"
-    solver: SolverName = "progressive"
+    solver: SolverName = "conjugate-gradient"
     tolerance: float = 1e-4
     bounces: int | None = None
     clamp_direct: float = 0.0

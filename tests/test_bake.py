@@ -551,10 +551,23 @@ def test_closing_a_bake_in_any_stage_ends_its_threads(stage: str) -> None:
         next(running)
 
 
-def test_a_white_room_says_that_its_light_did_not_settle() -> None:
-    room = Scene(
+def white_room(reflectance: float) -> Scene:
+    return Scene(
         (box("Room", (0, 0, 0), (1, 1, 1), inward=True),),
-        (Material("Snow", (0.99999,) * 3),),
+        (Material("Snow", (reflectance,) * 3),),
         (PointLight("Lamp", (1, 1, 1), (0.5, 0.5, 0.5)),),
     )
-    assert any("unshot" in warning for warning in bake_of(room, tolerance=1e-8).warnings)
+
+
+def test_a_white_room_says_how_far_its_light_has_settled() -> None:
+    """Block refinement stops after 500 steps, with as many reflections unshot: 0.99^500 = 0.7 %."""
+    baked = bake_of(white_room(0.99), tolerance=1e-8, solver="progressive")
+    assert any("0.6" in warning and "unshot" in warning for warning in baked.warnings)
+    assert baked.residual == pytest.approx(0.99**500, rel=0.1)
+
+
+def test_light_settles_in_a_white_room() -> None:
+    """The default solver: the lamp's 4 pi W, of which a hundredth is absorbed at each of endless reflections."""
+    baked = bake_of(white_room(0.99), tolerance=1e-6)
+    assert not any("unshot" in warning for warning in baked.warnings)
+    assert baked.pages[0].mean() * np.pi * 6 * 0.01 == pytest.approx(4 * np.pi, rel=0.05)
