@@ -72,10 +72,13 @@ def first_exitance(
     exitance = patches.mean(direct * look.reflectance[:, None, :])
     backs = np.flatnonzero(patches.sides < 0)
     received = np.zeros((len(backs), groups, 3))
+    texel = np.zeros(patches.count, np.int64)
+    texel[patches.back[patches.back >= 0]] = np.flatnonzero(patches.back >= 0)  # any of each back's texels
+    mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs], 0])
     for sample in range(BACK_SAMPLES):
         points, normals = patches.origins(backs, np.full(len(backs), sample))
         received += irradiance_at(
-            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups
+            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh
         )
     exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]

@@ -8,13 +8,13 @@ geometry and visibility, never on strengths or light groups.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .area_lamps import area_lamp
-from .arrays import Bools, Float32, Int64
+from .arrays import Bools, Float32, Int32, Int64
 from .chunks import Fractions, in_chunks, scaled
 from .emitters import emissive_lamps
 from .glow import Glow
@@ -50,10 +50,22 @@ class Lamps:
     Attributes:
         lamps: one record each
         sampled: (F,) bool, triangles whose emission is in `lamps`, so that a gather must leave it out
+        receivers: (M,) bool each, meshes that a lamp lights, by index of the lamp; others light all
     """
 
     lamps: tuple[Lamp, ...]
     sampled: Bools
+    receivers: Mapping[int, Bools] = field(default_factory=dict)
+
+    def batch(self, start: int, stop: int) -> Lamps:
+        """Lamps start to stop."""
+        receivers = {index - start: lit for index, lit in self.receivers.items() if start <= index < stop}
+        return replace(self, lamps=self.lamps[start:stop], receivers=receivers)
+
+    def keep_to_receivers(self, index: int, light: Float32, mesh: Int32) -> None:
+        """Put out, in place, a lamp's light (P,) on meshes (P,) that it does not light."""
+        if index in self.receivers:
+            light[~self.receivers[index][mesh]] = 0
 
 
 def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), glow: Glow | None = None) -> Lamps:
@@ -65,7 +77,12 @@ def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), gl
     """
     lights = [_lamp(light, surfaces) for light in (*scene.lights, *suns)]
     emitters, sampled = emissive_lamps(scene, surfaces, glow)
-    return Lamps(tuple(lamp for lamp in [*lights, *emitters] if any(lamp.strength)), sampled)
+    shining = [(index, lamp) for index, lamp in enumerate([*lights, *emitters]) if any(lamp.strength)]
+    receivers = {}
+    for number, (index, _) in enumerate(shining):
+        if index in scene.receivers:
+            receivers[number] = np.isin(np.arange(len(scene.meshes)), list(scene.receivers[index]))
+    return Lamps(tuple(lamp for _, lamp in shining), sampled, receivers)
 
 
 def _lamp(light: Light, surfaces: Surfaces) -> Lamp:
@@ -84,6 +101,7 @@ def irradiance_at(
     samples: int,
     seed_ids: Int64,
     group_count: int,
+    mesh: Int32 | None = None,
 ) -> Float32:
     """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
 
@@ -92,14 +110,17 @@ def irradiance_at(
         normals: (P, 3) float32, unit
         samples: shadow rays of a point and lamp
         seed_ids: (P,) what the samples are hashed from
+        mesh: (P,) int32, that the points lie on, for lamps that do not light all
     """
     visibility = visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
     for start in range(0, len(points), TRACE_CHUNK):
         part = slice(start, start + TRACE_CHUNK)
         shifts = hash_uniform(seed_ids[part], 0), hash_uniform(seed_ids[part], 1)
-        for lamp in lamps.lamps:
+        for index, lamp in enumerate(lamps.lamps):
             light = lamp.light(points[part], normals[part], None)
+            if mesh is not None:
+                lamps.keep_to_receivers(index, light, mesh[part])
             lit = np.flatnonzero(light > 0)
             share: Float32 = np.ones((visibility.channels, len(light)), np.float32)
             if lamp.shadow and len(lit):
@@ -127,7 +148,7 @@ def direct_irradiance(
     visibility = visibility.of_lamps
     total = np.zeros((texels.count, group_count, 3), np.float32)
     size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
-    batches = [lamps.lamps[start : start + size] for start in range(0, len(lamps.lamps), size)]
+    batches = [lamps.batch(start, start + size) for start in range(0, len(lamps.lamps), size)]
     for done, batch in enumerate(batches):
         steps = _add_batch(batch, texels, visibility, settings, total)
         yield from scaled(steps, done / len(batches), (done + 1) / len(batches))
@@ -143,13 +164,14 @@ def _add(total: Float32, lamp: Lamp, light: Float32, share: Float32) -> None:
 
 
 def _add_batch(
-    batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
 ) -> Generator[float, None, None]:
     """Add the light of a batch to `total` (T, G, 3); yields the share done."""
-    probes = _Probes.none(len(batch), texels.count, visibility)
+    number = len(batch.lamps)
+    probes = _Probes.none(number, texels.count, visibility)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
-    for index, lamp in enumerate(batch):
-        low, high = 0.5 + index / len(batch) / 2, 0.5 + (index + 1) / len(batch) / 2
+    for index, lamp in enumerate(batch.lamps):
+        low, high = 0.5 + index / number / 2, 0.5 + (index + 1) / number / 2
         share: Float32 = np.ones((1, 1), np.float32)
         if lamp.shadow:
             share = yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
@@ -196,7 +218,7 @@ class _Probes:
 
 
 def _probe(
-    batch: Sequence[Lamp], texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
 ) -> Fractions[list[None]]:
     """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
@@ -209,8 +231,10 @@ def _probe(
         points, shading, normal = texels.position[ids], texels.shading_normal[ids], texels.normal[ids]
         receivers = Receivers.of(texels, ids)
         origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
-        for index, lamp in enumerate(batch):
+        mesh = texels.surfaces.shown_mesh(texels.triangle[ids, 0])
+        for index, lamp in enumerate(batch.lamps):
             light = lamp.light(points, shading, None if len(receivers.normals) == 1 else normal)
+            batch.keep_to_receivers(index, light, mesh)
             probes.light[index, ids] = light
             lit = np.flatnonzero(light > 0)
             if not lamp.shadow or not len(lit):

@@ -223,6 +223,7 @@ class Scene:
 
     Attributes:
         groups: names of the light groups; every light, emission and the world is in exactly one
+        receivers: of lights that do not light everything, by index of the light: indices of the meshes that they light
         bounces: most bounces of a group's light, by index of the group; those not in it bounce until none is left
         working_space: the linear RGB space of all triples
         warnings: what the extractor had to say
@@ -233,6 +234,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
     groups: tuple[str, ...] = ("",)
+    receivers: Mapping[int, frozenset[int]] = field(default_factory=dict)
     bounces: Mapping[int, int] = field(default_factory=dict)
     working_space: RGBSpace = REC709
     warnings: tuple[str, ...] = ()

@@ -84,6 +84,10 @@ class Surfaces:
         """(F,) bool, triangles that have a twin or are one."""
         return np.asarray((self.twin >= 0) | (np.arange(self.count) >= self.fronts))
 
+    def shown_mesh(self, triangle: Int32) -> Int32:
+        """Index (R,) into the meshes of the scene itself that triangles (R,) are of: of backs, that of their fronts."""
+        return np.asarray(self.mesh[self.front[triangle]])
+
     def without_backs(self) -> Surfaces:
         """The triangles that rays can meet."""
         if self.fronts == self.count:

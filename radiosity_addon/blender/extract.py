@@ -17,6 +17,7 @@ from ..scene import Light, Material, Mesh, Scene, World
 from .evaluation import at_render_settings
 from .instances import RAYS, instance_index, is_instance, settings_of
 from .lamps import read_lamp
+from .light_linking import lit_by
 from .materials import read_material
 from .names import is_stand_in, original_material
 from .nodes import LinkCycle
@@ -148,6 +149,7 @@ class _Reading:
         self.meshes: list[Mesh] = []
         self.sources: list[Source] = []
         self.lights: list[Light] = []
+        self.linked: dict[int, bpy.types.Collection] = {}
         self.skipped: dict[str, str] = {}
         self.families = SharedShapes()
         self.instancers: dict[str, set[str]] = defaultdict(set)
@@ -185,6 +187,7 @@ class _Reading:
             lights=tuple(self.lights),
             world=self.world,
             groups=tuple(name for name, _ in self.groups),
+            receivers={index: self.receivers(linked) for index, linked in self.linked.items()},
             bounces={index: limit for index, (_, limit) in enumerate(self.groups) if limit is not None},
             working_space=working_space(),
             warnings=tuple(self.warnings),
@@ -192,6 +195,15 @@ class _Reading:
         names = tuple(name for name, _ in self.shown)
         skipped = tuple(self.skipped.items())
         return Extraction(scene, tuple(self.sources), skipped, names, self.surfaces, self.instancers)
+
+    def receivers(self, linked: bpy.types.Collection) -> frozenset[int]:
+        """Indices of the meshes that a lamp lights that is linked to a collection."""
+        lights = lit_by(linked)
+        return frozenset(
+            index
+            for index, source in enumerate(self.sources)
+            if lights((source.object_name, source.library)) or (source.instancer and lights((source.instancer, None)))
+        )
 
     def nothing_to_bake(self) -> SceneError:
         reasons = [
@@ -385,6 +397,9 @@ class _Reading:
             hears("has a node tree that feeds back into itself, and gives no light")
             return
         if light is not None:
+            linked = lamp.original.light_linking.receiver_collection
+            if linked is not None:
+                self.linked[len(self.lights)] = linked
             self.lights.append(light)
 
     def read_world(self) -> None:

@@ -42,9 +42,8 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
     if not lamp.visible_diffuse:
         warn("is hidden from diffuse surfaces and gives no light")
         return None
-    linking = lamp.light_linking
-    if linking.receiver_collection or linking.blocker_collection:
-        warn("its light linking is not followed, it lights everything")
+    if lamp.light_linking.blocker_collection:
+        warn("its shadow linking is not followed, everything casts shadows")
     if power.min() < 0:
         warn("has negative power and takes light away")
     found = READERS[light.type](lamp, light, power, matrix, group, warn)

@@ -490,10 +490,48 @@ def test_a_lamp_without_shadow_says_so():
     assert not extract().scene.lights[0].shadow
 
 
-def test_light_linking_is_warned_about():
+def collection_of(*things, exclude=False, children=()):
+    """A collection for light linking, which includes what it holds or excludes it."""
+    group = bpy.data.collections.new("linked")
+    for thing in things:
+        group.objects.link(thing)
+    for child in children:
+        group.children.link(child)
+    for entry in (*group.collection_objects, *group.collection_children):
+        entry.light_linking.link_state = "EXCLUDE" if exclude else "INCLUDE"
+    return group
+
+
+def lit_by_the_lamp(linked):
+    add_lamp("POINT").light_linking.receiver_collection = linked
+    scene = extract().scene
+    return {scene.meshes[index].name for index in scene.receivers[0]}
+
+
+def test_a_lamp_lights_what_its_collection_includes():
+    a, b, _ = add_mesh("a"), add_mesh("b"), add_mesh("c")
+    assert lit_by_the_lamp(collection_of(a, b)) == {"a", "b"}
+
+
+def test_a_lamp_lights_all_but_what_its_collection_excludes():
+    a, _, _ = add_mesh("a"), add_mesh("b"), add_mesh("c")
+    assert lit_by_the_lamp(collection_of(a, exclude=True)) == {"b", "c"}
+
+
+def test_collections_within_a_lamps_collection_count_and_an_objects_own_word_goes_first():
+    a, b, _ = add_mesh("a"), add_mesh("b"), add_mesh("c")
+    linked = collection_of(b, exclude=True)
+    inner = collection_of(a, b)
+    linked.children.link(inner)
+    assert lit_by_the_lamp(linked) == {"a"}
+
+
+def test_a_lamp_without_a_collection_lights_all_and_shadow_linking_is_warned_about():
     add_mesh()
-    add_lamp("POINT").light_linking.receiver_collection = bpy.data.collections.new("few")
-    assert any("light linking" in warning for warning in extract().warnings)
+    add_lamp("POINT").light_linking.blocker_collection = bpy.data.collections.new("few")
+    extraction = extract()
+    assert extraction.scene.receivers == {}
+    assert any("Lamp" in warning and "shadow linking" in warning for warning in extraction.warnings)
 
 
 def test_lamps_hidden_in_renders_portals_and_those_without_power_are_left_out():
