@@ -14,6 +14,7 @@ from .bounces import clamped
 from .chunks import Fractions, scaled
 from .errors import SceneError
 from .exchange import Start, exchange_light
+from .facing import looking_away
 from .gather import final_gather
 from .glow import glow_of
 from .illumination import (
@@ -128,7 +129,8 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     if settings.show_patches:
         irradiance[patch_edges(patches)] *= EDGE_SHADE
     pages = yield from log.stage("Pages", _pages(texels, irradiance, atlas))
-    warnings = (*scene.warnings, *atlas.warnings, *warnings)
+    away = looking_away(patches, solution.radiosity, every_side.meshes)
+    warnings = (*scene.warnings, *atlas.warnings, *warnings, *away)
     if not solution.converged and settings.most_steps is None:
         warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
     return Baked(
