@@ -65,7 +65,7 @@ def test_each_jacobi_pass_adds_a_dimmer_bounce(scene: Path, tmp_path: Path) -> N
 
 
 def test_progressive_shots_brighten_and_the_ambient_term_foresees_it(scene: Path, tmp_path: Path) -> None:
-    words = ("--solver", "progressive", "--passes", "1,300")
+    words = ("--solver", "progressive", "--passes", "1,3000")
     plain, ambient = sheet_of(scene, tmp_path / "sheet.png", *words)
     assert plain[0] < plain[1]
     assert abs(ambient[0] - plain[1]) < abs(plain[0] - plain[1])
