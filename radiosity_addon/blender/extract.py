@@ -298,7 +298,7 @@ class _Reading:
             Source(
                 object_name=thing.name,
                 mesh=len(self.meshes),
-                own_mesh=is_own_mesh(mesh, original),
+                own_mesh=not instanced and is_own_mesh(mesh, original),
                 materials=tuple("" if slot is None else slot.original.name for slot in slots),
                 slot=shape.slot,
                 matrix=matrix if instanced else None,
