@@ -11,6 +11,9 @@ RAYS = ("visible_camera", "visible_diffuse", "visible_glossy", "visible_shadow")
 Key = tuple[str, tuple[int, ...], str]
 """What an instance is known by: its instancer, its index, and the object that it shows."""
 
+VALUES = ("value", "vector", "color")
+"""What an element of an attribute may call its value."""
+
 NO_PARTNER = 2**31 - 1
 """What Blender fills a persistent id with after its last level."""
 
@@ -40,3 +43,25 @@ def settings_of(item: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Prope
 def key_of(item: bpy.types.DepsgraphObjectInstance) -> Key:
     """What an instance is known by."""
     return item.parent.original.name, instance_index(item), item.object.name
+
+
+def attribute_of(item: bpy.types.DepsgraphObjectInstance, name: str) -> tuple[float, ...] | None:
+    """What geometry nodes stored under a name on an instance that they made; None where there is no such attribute.
+
+    Blender tells attributes of instances from 4.5 on, and of those that the instancer itself makes only.
+    """
+    index = instance_index(item)
+    if len(index) != 2 or not hasattr(item.parent, "evaluated_geometry"):
+        return None
+    geometry = item.parent.evaluated_geometry()  # the points live as long as it does
+    instances = geometry.instances_pointcloud()
+    attribute = instances.attributes.get(name) if instances is not None else None
+    if attribute is None or attribute.domain != "POINT":
+        return None
+    row, ids = index[-1], instances.attributes.get("id")
+    if ids is not None:
+        row = next((at for at, known in enumerate(ids.data) if known.value == row), row)
+    if not 0 <= row < len(attribute.data):
+        return None
+    value = next(getattr(attribute.data[row], part) for part in VALUES if hasattr(attribute.data[row], part))
+    return tuple(map(float, value)) if hasattr(value, "__len__") else (float(value),)

@@ -16,6 +16,7 @@ from .materials import DEFAULT_REFLECTANCE, tree_of
 from .names import BACK_UV_MAP, BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
 from .page_images import light_of
 from .preview_nodes import BLACK, Color, Look, ShaderReader
+from .surface_inputs import OF_STAND_INS, Asking, Input, ask_attributes, property_of
 
 ENGINES = ("CYCLES", "EEVEE")
 
@@ -30,24 +31,33 @@ class PreviewMaterials:
         """
         self.token = token
         self.images = images
-        self._made: dict[tuple[int, int, bool, int | None], bpy.types.Material] = {}
+        self._made: dict[tuple[int, int, bool, int | None, bool], bpy.types.Material] = {}
+        self._groups: dict[int, bpy.types.NodeTree] = {}
 
     def of(
-        self, material: bpy.types.Material | None, page: int, placed: bool, back: int | None = None
+        self,
+        material: bpy.types.Material | None,
+        page: int,
+        placed: bool,
+        back: int | None = None,
+        stand_in: bool = False,
     ) -> bpy.types.Material:
         """The material's copy for a page; for an empty slot one in the grey that Cycles gives it.
 
         Args:
             placed: for objects that share a uv map, each with a place of its own
             back: page of the backs of a two-sided object
+            stand_in: for stand-ins, which have by properties what they can't answer themselves
         """
-        key = (0 if material is None else material.session_uid, page, placed, back)
+        tree = tree_of(material) if material is not None else None
+        answers = stand_in and tree is not None and bool(_asked_of_stand_ins(tree))
+        key = (0 if material is None else material.session_uid, page, placed, back, answers)
         if key not in self._made:
             images = self.images[page], None if back is None else self.images[back]
-            self._made[key] = self._make(material, Lightmap(images[0], placed, images[1]))
+            self._made[key] = self._make(material, Lightmap(images[0], placed, images[1]), answers)
         return self._made[key]
 
-    def _make(self, material: bpy.types.Material | None, lightmap: Lightmap) -> bpy.types.Material:
+    def _make(self, material: bpy.types.Material | None, lightmap: Lightmap, answers: bool) -> bpy.types.Material:
         copy = bpy.data.materials.new("Empty") if material is None else material.copy()
         copy[BAKE_KEY] = self.token  # first: what has the token is taken out again should anything fail
         copy[PREVIEW_KEY] = True
@@ -56,10 +66,32 @@ class PreviewMaterials:
         copy.name = f"{'Empty' if material is None else material.name} ({lightmap.image.name})"
         copy.use_fake_user = False
         copy.asset_clear()
+        if answers:
+            self._ask_properties(tree_of(copy))
         emits = _show(copy, material is None, lightmap, self.token)
         if not emits and hasattr(copy, "cycles"):
             copy.cycles.emission_sampling = "NONE"  # reflected light: no lamp to aim shadow rays at
         return copy
+
+    def _ask_properties(self, tree: bpy.types.NodeTree) -> None:
+        """Let a tree and copies of the groups in it ask properties for what stand-ins can't answer."""
+        names = {asked: property_of(asked) for asked in _asked_of_stand_ins(tree)}
+        ask_attributes(tree, names, "OBJECT")
+        for node in tree.nodes:
+            if node.type == "GROUP" and node.node_tree is not None and _asked_of_stand_ins(node.node_tree):
+                node.node_tree = self._asking_group(node.node_tree)
+
+    def _asking_group(self, group: bpy.types.NodeTree) -> bpy.types.NodeTree:
+        if group.session_uid not in self._groups:
+            copy = self._groups[group.session_uid] = group.copy()
+            copy[BAKE_KEY] = self.token
+            copy.use_fake_user = False
+            self._ask_properties(copy)
+        return self._groups[group.session_uid]
+
+
+def _asked_of_stand_ins(tree: bpy.types.NodeTree) -> list[Input]:
+    return sorted(asked for asked in Asking.of(tree).inputs if asked.kind in OF_STAND_INS)
 
 
 @dataclass(frozen=True)

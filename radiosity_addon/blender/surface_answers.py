@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32
+from .instances import attribute_of
 from .surface_inputs import Asking, Input
 
 ABSENT = np.zeros((1, 1), np.float32)
@@ -88,6 +89,9 @@ def _read(
         case "object property":
             return _property(asked.name, thing, thing.data)
         case "instancer property":
+            values = attribute_of(item, asked.name) if item.is_instance else None
+            if values is not None:
+                return _everywhere(*values)
             owners = (item.parent, item.parent.data) if item.is_instance else ()
             return _property(asked.name, *owners, thing, thing.data)
         case "layer property":

@@ -20,6 +20,10 @@ Kind = Literal[
 ]  # fmt: skip
 
 
+OF_STAND_INS: frozenset[Kind] = frozenset({"random", "instancer property", "instancer generated", "instancer uv"})
+"""What an object answers otherwise than the instance, or the object of another name, that it stands in for."""
+
+
 class Input(NamedTuple):
     """One thing that trees ask for; `name` is that of a uv map, attribute or property, "" for the active one."""
 
@@ -67,6 +71,12 @@ UNANSWERED = {
 }
 """What becomes of nodes that ask what a joined mesh can't tell."""
 
+
+def property_of(asked: Input) -> str:
+    """Name of the custom property by which a stand-in answers."""
+    return f"radiosity {asked.kind} {asked.name}".strip()[:63]
+
+
 UNLINKED: dict[str, Input] = {"TEX_IMAGE": Input("uv")} | dict.fromkeys(
     ("TEX_BRICK", "TEX_CHECKER", "TEX_GABOR", "TEX_GRADIENT", "TEX_MAGIC", "TEX_NOISE", "TEX_SKY", "TEX_VORONOI",
      "TEX_WAVE"), Input("generated"))  # fmt: skip
@@ -100,23 +110,29 @@ def _asks_islands(node: bpy.types.Node) -> bool:
     return node.type == "NEW_GEOMETRY" and bool(node.outputs["Random Per Island"].is_linked)
 
 
-def ask_attributes(tree: bpy.types.NodeTree, names: Mapping[Input, str]) -> None:
-    """Let a tree, not the groups in it, take what it asks for from attributes of these names."""
+def ask_attributes(
+    tree: bpy.types.NodeTree, names: Mapping[Input, str], kind: Literal["GEOMETRY", "OBJECT"] = "GEOMETRY"
+) -> None:
+    """Let a tree, not the groups in it, take what it asks for from attributes of these names, the rest as before.
+
+    Args:
+        kind: attributes of the mesh, or properties of the object
+    """
     for node in list(tree.nodes):
         for output, asked, identifier in _asking(node):
             targets = [link.to_socket for link in output.links]
-            if targets:
-                source = _attribute(tree, names[asked], identifier, asked)
+            if targets and asked in names:
+                source = _attribute(tree, kind, names[asked], identifier, asked)
                 for target in targets:
                     tree.links.new(source, target)
-        if _lacks_vector(node):
+        if _lacks_vector(node) and UNLINKED[node.type] in names:
             asked = UNLINKED[node.type]
-            tree.links.new(_attribute(tree, names[asked], "Vector", asked), node.inputs["Vector"])
+            tree.links.new(_attribute(tree, kind, names[asked], "Vector", asked), node.inputs["Vector"])
 
 
-def _attribute(tree: bpy.types.NodeTree, name: str, identifier: str, asked: Input) -> bpy.types.NodeSocket:
+def _attribute(tree: bpy.types.NodeTree, kind: str, name: str, identifier: str, asked: Input) -> bpy.types.NodeSocket:
     node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_type, node.attribute_name = "GEOMETRY", name
+    node.attribute_type, node.attribute_name = kind, name
     output = next(output for output in node.outputs if output.identifier == identifier)
     if asked.kind != "normal":
         return output

@@ -30,6 +30,7 @@ from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
 from .stand_in import Common, MeshPool, as_unbaked, make_stand_in, swap_in
+from .surface_inputs import OF_STAND_INS, property_of
 from .working_space import working_space
 
 if TYPE_CHECKING:
@@ -240,6 +241,10 @@ def _make_stand_ins(
     for place in places:
         if place.target is None:
             raise SceneError(place.source.name, "its instances were changed during the bake", "Bake again")
+        if not place.own_mesh and place.index in extraction.surfaces:
+            for asked, values in extraction.surfaces[place.index].values.items():
+                if asked.kind in OF_STAND_INS:
+                    place.target[property_of(asked)] = values[0].tolist() if values.size > 1 else values.item()
         if not place.own_mesh and place.target.data not in written:
             _check_corners(place.source, place.target.data, place.uv)
             _write_uvs(place, token)
@@ -310,6 +315,7 @@ def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None
         if shared:
             slot.link = "OBJECT"
             before[str(index)] = {"link": link} | ({"material": slot.material} if slot.material else {})
-        slot.material = previews.of(material, place.page, place.place is not None, place.back and place.back[0])
+        back = place.back and place.back[0]
+        slot.material = previews.of(material, place.page, place.place is not None, back, not place.own_mesh)
     if shared and place.own_mesh:
         thing[BAKE_KEY], thing[SLOTS_KEY] = token, before

@@ -30,6 +30,7 @@ class Extraction:
     scene: Scene
     sources: list[Source]
     instancers: dict[str, set[str]] = field(default_factory=dict)
+    surfaces: dict[int, object] = field(default_factory=dict)
 
 
 @dataclass
