@@ -78,6 +78,7 @@ def pane_transmittance(cosine: Floats, ior: Floats | float) -> Floats:
     return passed
 
 
+@lru_cache(maxsize=4096)
 def mean_pane_transmittance(ior: float) -> float:
     """`pane_transmittance` of uniform hemispherical light."""
     cosine, weight = _directions()
@@ -124,6 +125,7 @@ def _kept(values: Float64) -> Float64:
     return values
 
 
+@lru_cache(maxsize=1)
 def _directions() -> tuple[Float64, Float64]:
     """Cosines (16,) of a Gauss-Legendre rule and weights that sum to 1 over the projected hemisphere."""
     node, weight = np.polynomial.legendre.leggauss(16)

@@ -54,7 +54,7 @@ class LookMaterials:
         copy.asset_clear()
         tree = tree_of(copy)
         self._prepare(tree)
-        reader = ShaderReader(tree, self.token)
+        reader = ShaderReader(tree, self.token, wanted=(self.quantity,))
         end = tree.get_output_node("CYCLES")
         shown = _color(reader.look(end.inputs["Surface"]), self.quantity)
         emission = tree.nodes.new("ShaderNodeEmission")

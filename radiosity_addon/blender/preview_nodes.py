@@ -8,6 +8,7 @@ and adding shaders is mixing and adding these colours.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,18 +17,17 @@ import numpy as np
 
 from ..arrays import Float64
 from ..scene import RGB
+from ..shading import QUANTITIES, Quantity
 from .materials import DEFAULT_REFLECTANCE, READERS, Shading, rgb
 from .names import BAKE_KEY, UV_MAP
-from .node_arithmetic import BLACK, WHITE, Arithmetic, Color, incoming
+from .node_arithmetic import BLACK, NEGLIGIBLE, WHITE, Arithmetic, Color, incoming
 from .nodes import Groups, likely
 
 COLORS = ("Base Color", "Color", "Emission Color")
 LINEAR = (*COLORS, "Emission Strength", "Strength")
 """Inputs that closures are linear in, whatever their values."""
 SHARES = ("Metallic", "Transmission Weight", "Coat Weight", "Specular IOR Level")
-"""Inputs that closures are linear in, or nearly so, from 0 to 1."""
-BENT = ("Base Color", "Specular IOR Level")
-"""Of these, those that gloss is not quite linear in."""
+"""Inputs that closures are linear in, or bend little, from 0 to 1."""
 GREY: RGB = (0.5, 0.5, 0.5)
 ROUGHNESS = "Roughness"
 ROUGHNESSES = tuple(step / 8 for step in range(9))
@@ -107,18 +107,21 @@ class ShaderReader(Arithmetic):
         token: str,
         outer: ShaderReader | None = None,
         group: bpy.types.Node | None = None,
+        wanted: Collection[Quantity] = QUANTITIES,
     ) -> None:
         """Args:
         tree: may be changed: nodes are added
         token: the bake's, for the copies of groups
         outer: in a group: the reader of the tree around it
         group: in a group: the node in that tree that holds it
+        wanted: what to read of closures; the rest is black
         """
         super().__init__(tree)
         self.token = token
         self.groups: Groups = (*outer.groups, group) if outer and group else ()
         self.outer = outer
         self.group = group
+        self.wanted = wanted
         self._looks: dict[tuple[str, str], Look] = {}
         self._inner: dict[str, ShaderReader] = {}
 
@@ -162,11 +165,21 @@ class ShaderReader(Arithmetic):
         if not colors:
             return Look()
         alpha = self.clamped(self.number(node.inputs["Alpha"])) if "Alpha" in node.inputs else WHITE
-        look = Look(self._told(node, "reflectance"), self._told(node, "emission"), self._transmission(node, colors[0]))
+        look = Look(
+            self._told(node, "reflectance") if "reflectance" in self.wanted else BLACK,
+            self._told(node, "emission") if "emission" in self.wanted else BLACK,
+            self._transmission(node, colors[0]) if "transmittance" in self.wanted else BLACK,
+        )
         if alpha == WHITE:
             return look
-        passing = self.add(self.multiply(look.through, alpha), self.complement(alpha))
+        passing = BLACK
+        if "transmittance" in self.wanted:
+            passing = self.add(self.multiply(look.through, alpha), self.complement(alpha))
         return Look(self.multiply(look.albedo, alpha), self.multiply(look.emission, alpha), passing)
+
+    def _computes(self, node: bpy.types.Node, name: str) -> bool:
+        """Whether the tree computes an input."""
+        return not isinstance(self.color(node.inputs[name]), tuple)
 
     def _told(self, node: bpy.types.Node, quantity: Literal["reflectance", "emission"]) -> Color:
         """What transport has of a closure, by inputs that vary.
@@ -175,23 +188,35 @@ class ShaderReader(Arithmetic):
         halfway tells how much; over roughness it is tabulated. Other inputs, all of them of gloss, count by their mean.
         """
         read = Sampler(self.groups)
-        varying = {}
-        for name in (*LINEAR, *SHARES, ROUGHNESS):
-            if name in node.inputs:
-                color = self.color(node.inputs[name]) if name in COLORS else self.number(node.inputs[name])
-                if not isinstance(color, tuple):
-                    varying[name] = color if name in LINEAR else self.clamped(color)
-        linear = [name for name in varying if name != ROUGHNESS]
+        computed = [
+            name for name in (*LINEAR, *SHARES, ROUGHNESS) if name in node.inputs and self._computes(node, name)
+        ]
 
         def at(held: dict[str, RGB]) -> RGB:
             return rgb(getattr(read.shading(node, held), quantity))
 
+        def along(name: str) -> list[Float64]:
+            """What an input does, at 0, halfway and 1, for two values of all others."""
+            others = [dict.fromkeys(computed, (value,) * 3) for value in (0.3, 0.8)]
+            return [np.array([at({**held, name: value}) for held in others]) for value in (BLACK, GREY, WHITE)]
+
+        told = {name: along(name) for name in computed}
+        bent = {
+            name for name, (low, middle, high) in told.items() if np.abs(low + high - 2 * middle).max() > NEGLIGIBLE
+        }
+        varying = {}
+        for name, (low, _, high) in told.items():
+            if name in bent or (low != high).any():
+                color = self.color(node.inputs[name]) if name in COLORS else self.number(node.inputs[name])
+                varying[name] = color if name in LINEAR else self.clamped(color)
+        linear = [name for name in varying if name != ROUGHNESS]
+
         def over(names: list[str], held: dict[str, RGB]) -> Color:
             if names:
                 first, *rest = names
-                values = (BLACK, GREY, WHITE) if first in BENT else (BLACK, WHITE)
-                told = [over(rest, {**held, first: value}) for value in values]
-                return (self.bent if first in BENT else self.mix)(varying[first], *told)
+                values = (BLACK, GREY, WHITE) if first in bent else (BLACK, WHITE)
+                shown = [over(rest, {**held, first: value}) for value in values]
+                return (self.bent if first in bent else self.mix)(varying[first], *shown)
             if ROUGHNESS not in varying:
                 return at(held)
             return self.ramp(varying[ROUGHNESS], [at({**held, ROUGHNESS: (step,) * 3}) for step in ROUGHNESSES])
@@ -222,7 +247,7 @@ class ShaderReader(Arithmetic):
             node.node_tree = node.node_tree.copy()
             node.node_tree.use_fake_user = False
             node.node_tree[BAKE_KEY] = self.token
-            self._inner[node.name] = ShaderReader(node.node_tree, self.token, self, node)
+            self._inner[node.name] = ShaderReader(node.node_tree, self.token, self, node, self.wanted)
         inside = self._inner[node.name]
         end = active_group_output(inside.tree)
         if end is None:
