@@ -69,6 +69,8 @@ def read_world(world: bpy.types.World, group: int, warn: Warn) -> World | None:
     """
     if not getattr(getattr(world, "cycles_visibility", None), "diffuse", True):
         return World()
+    if not getattr(world.cycles, "use_shadows", True):  # from 5.0
+        warn("is set to cast no shadows, which is not followed: its light is blocked")
     tree = tree_of(world)
     try:
         radiance = np.array(world.color, np.float64) if tree is None else read_tree(tree, _refuse).emission

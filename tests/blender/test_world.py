@@ -166,6 +166,13 @@ def test_a_world_that_diffuse_rays_do_not_see_is_dark() -> None:
     assert extracted().world == World()
 
 
+@pytest.mark.skipif(bpy.app.version < (5, 0), reason="worlds always cast shadows before Blender 5.0")
+def test_a_world_that_casts_no_shadows_is_named() -> None:
+    add_world()
+    bpy.context.scene.world.cycles.use_shadows = False
+    assert any("World 'World': is set to cast no shadows" in text for text in extracted().warnings)
+
+
 def test_a_volume_is_named_and_left_out() -> None:
     tree, background = add_world()
     show_directions(tree, background)
