@@ -82,6 +82,21 @@ def test_a_screen_of_two_colours_lights_as_two_panels_do(cuts):
     assert np.abs(found / np.where(lit, expected, 1) - 1)[lit].max() < 0.02
 
 
+def test_what_hides_one_half_of_a_screen_leaves_the_colour_of_the_other():
+    halves = [quad((-1 + k, 0, 0), (0, 0, 1), (1, 0, 0)) for k in range(2)]
+    hidden = quad((-3, 0.5, -1), (0, 0, 3), (3, 0, 0))
+    panels = mesh_of("Panels", [*halves, hidden], [0, 1, 2])
+    two = before_a_wall(panels, Material("R", (0,) * 3, RED), Material("G", (0,) * 3, GREEN), Material("B", (0.0,) * 3))
+    whole = quad((-1, 0, 0), (0, 0, 1), (2, 0, 0))
+    points, normals = receivers()
+    points[:, 1] = np.abs(points[:, 1]) + 0.6
+    expected = light_at(two, points, normals)
+    shown = before_a_wall(mesh_of("Screen", [whole, hidden], [0, 1]), VARIED, Material("B", (0.0,) * 3))
+    found = light_at(shown, points, normals)
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.2 * np.sqrt(np.mean(expected**2))  # of 16 rays each
+    assert found.mean(0) == pytest.approx(expected.mean(0), rel=0.03)
+
+
 def test_a_picture_of_one_colour_lights_as_that_constant():
     points, normals = receivers()
     constant = before_a_wall(screen(), Material("Lamp", (0,) * 3, RED))
