@@ -209,7 +209,8 @@ def test_an_image_varies_around_its_mean_linear_colour():
     tree.link(texture, diffuse, "Color")
     tree.show(diffuse)
     material = tree.read()
-    assert material.reflectance == rgb(0.5, 0.5, 0.5)
+    # through 4.5's colour management white comes back as 0.9998 to 1.0002
+    assert material.reflectance == pytest.approx((0.5,) * 3, abs=3e-4)
     assert material.varies == {"reflectance"}
     assert tree.warnings == []
 
