@@ -40,6 +40,15 @@ class Comparison:
     worst: tuple[str, ...]
     noise: float
 
+    def beyond(self, share: float) -> float:
+        """Share of the probes that are off by more than `share` of the mean."""
+        return float(np.mean(np.abs(self.error) > share))
+
+    def row(self) -> str:
+        """A line of the suite's table."""
+        shares = (self.rms, self.bias, self.percentile_99, self.noise, self.beyond(0.2))
+        return f"{len(self.error):6} " + " ".join(f"{share:7.2%}" for share in shares)
+
     def __str__(self) -> str:
         channels = " ".join(f"{channel:.2%}" for channel in self.rms_rgb)
         biases = " ".join(f"{channel:+.2%}" for channel in self.bias_rgb)

@@ -28,7 +28,8 @@ class Plan:
         samples: of a seed and point
         count: probes
         seeds: their number
-        inside: (2, 3), the box that holds the probes, m, or None
+        inside: (2, 3), the box that holds the probes, m, or None; of rooms with a window, the room: on its reveal and
+            outside it is day, and a share of the room's mean would say nothing
         without: objects that get no probes
         folder: where the .blend lies
     """
@@ -45,13 +46,22 @@ class Plan:
 SAMPLES = ROOT / "sample_scenes"
 
 PLANS = {
-    "cornell_box": Plan(0.016, 2048, folder=SAMPLES),
-    "window_room": Plan(0.016, 8192, folder=SAMPLES, inside=np.array([[0.0, 0.0, 0.0], [4.0, 5.3, 2.7]])),
-    "interior": Plan(0.025, 2048, folder=SAMPLES, inside=np.array([[-0.2, -0.01, -0.01], [6.01, 5.01, 2.81]])),
-    "attic": Plan(0.017, 2048, inside=np.array([[-0.01, -0.01, -0.01], [5.01, 6.26, 3.31]])),
-    "office": Plan(0.026, 512),
-    "gallery": Plan(0.025, 512),
+    "cornell_box": Plan(0.016, 1024, folder=SAMPLES),
+    "window_room": Plan(0.016, 1024, count=160, folder=SAMPLES, inside=np.array([[0.0, 0.0, 0.0], [4.0, 5.0, 2.7]])),
+    "interior": Plan(
+        0.025, 768, count=300, folder=SAMPLES, inside=np.array([[-0.2, -0.01, -0.01], [6.01, 5.01, 2.81]])
+    ),
+    "attic": Plan(0.017, 512, inside=np.array([[-0.01, -0.01, -0.01], [5.01, 6.01, 3.31]])),
+    "office": Plan(0.026, 512, count=160),
+    "gallery": Plan(0.025, 768, count=160),
+    "stair_hall": Plan(0.017, 384, count=160),
+    "studio": Plan(0.0155, 384, count=160),
     "pergola": Plan(0.01, 512, without=("Leaves", "Stained Glass", "Curtain", "Case")),
+    "court": Plan(0.0335, 384, count=180, inside=np.array([[0.0, 0.0, -0.1], [12.0, 12.0, 4.3]])),
+    "bar": Plan(0.016, 384, count=160),
+    "dining": Plan(0.0255, 384, count=200),
+    "pavilion": Plan(0.0165, 384, count=180),
+    "aces_box": Plan(0.016, 384, count=160),
 }
 
 

@@ -42,10 +42,28 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 @dataclass(frozen=True)
 class Surface:
-    """The triangles of one object as rendered: corners (F, 3, 3), m, world space, anticlockwise about the front."""
+    """The triangles of one object as rendered.
+
+    Attributes:
+        corners: (F, 3, 3), m, world space, anticlockwise about the front
+        normals: (F, 3, 3) unit shading normals at the corners; None where they are the triangles' own
+    """
 
     name: str
     corners: np.ndarray
+    normals: np.ndarray | None = None
+
+    @property
+    def flat_normals(self) -> np.ndarray:
+        """(F, 3) unit"""
+        cross = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+        unit: np.ndarray = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+        return unit
+
+    @property
+    def corner_normals(self) -> np.ndarray:
+        """(F, 3, 3) unit"""
+        return np.repeat(self.flat_normals[:, None], 3, axis=1) if self.normals is None else self.normals
 
 
 @dataclass(frozen=True)
@@ -63,15 +81,14 @@ class Footprints:
 
     Attributes:
         points: (N, POINTS, 3) on the surface, m
-        normals: (N, POINTS, 3) unit, of the surface there
+        normals, shading: (N, POINTS, 3) unit, the surface's own normals there and its shading normals
         there: (N, POINTS) bool, points that the surface has
-        centre: (N, 3) point of the surface in the middle of those that are there, m
     """
 
     points: np.ndarray
     normals: np.ndarray
+    shading: np.ndarray
     there: np.ndarray
-    centre: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -144,12 +161,17 @@ def rendered_surfaces() -> list[Surface]:
         mesh.calc_loop_triangles()
         points = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", points)
-        corner = np.empty(3 * len(mesh.loop_triangles), np.int32)
+        corner, loop = (np.empty(3 * len(mesh.loop_triangles), np.int32) for _ in range(2))
         mesh.loop_triangles.foreach_get("vertices", corner)
-        world = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
-        corners = world[corner.reshape(-1, 3)]
-        surfaces.append(Surface(thing.name, corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else corners))
+        mesh.loop_triangles.foreach_get("loops", loop)
+        normals = np.empty(3 * len(mesh.loops), np.float32)
+        mesh.corner_normals.foreach_get("vector", normals)
         thing.to_mesh_clear()
+        world = points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+        order = [2, 1, 0] if np.linalg.det(matrix[:3, :3]) < 0 else [0, 1, 2]
+        normals = (normals.reshape(-1, 3) @ np.linalg.inv(matrix[:3, :3]))[loop.reshape(-1, 3)[:, order]]
+        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+        surfaces.append(Surface(thing.name, world[corner.reshape(-1, 3)[:, order]], normals))
     found = [surface for surface in surfaces if len(surface.corners)]
     return sorted(found, key=lambda surface: (surface.name, *surface.corners.mean(axis=(0, 1)).round(4).tolist()))
 
@@ -196,33 +218,47 @@ def footprints(surfaces: list[Surface], probes: Probes, edge: float) -> Footprin
     across, along = tangents(probes.normal)
     step = (np.arange(POINTS)[:, None] * [1, LATTICE_STEP] % POINTS + 0.5) / POINTS - 0.5
     flat = probes.position[:, None] + edge * (step[:, :1] * across[:, None] + step[:, 1:] * along[:, None])
-    points, normals, there, centre = flat.copy(), np.zeros_like(flat), np.zeros(flat.shape[:2], bool), probes.position
-    centre = centre.copy()
-    for index, normal in enumerate(probes.normal):
-        corners = np.concatenate([each.corners for each in surfaces if each.name == probes.object[index]])
-        reach = NEAR_SURFACE * edge
-        points[index], normals[index], there[index] = dropped(flat[index], normal, corners, reach)
-        middle, _, found = dropped(points[index, there[index]].mean(axis=0, keepdims=True), normal, corners, reach)
+    found = [
+        dropped(points, normal, whole(surfaces, name), NEAR_SURFACE * edge)
+        for points, normal, name in zip(flat, probes.normal, probes.object, strict=True)
+    ]
+    return Footprints(*(np.array(part) for part in zip(*found, strict=True)))
+
+
+def middles(surfaces: list[Surface], probes: Probes, squares: Footprints, lit: np.ndarray, edge: float) -> np.ndarray:
+    """Points (N, 3) of the surface in the middle of the points `lit` (N, POINTS), m; probes that have none stay."""
+    middle = probes.position.copy()
+    for index in np.flatnonzero(lit.any(axis=1)):
+        mean = squares.points[index, lit[index]].mean(axis=0, keepdims=True)
+        surface = whole(surfaces, probes.object[index])
+        place, _, _, found = dropped(mean, probes.normal[index], surface, NEAR_SURFACE * edge)
         if found[0]:
-            centre[index] = middle[0]
-    return Footprints(points, normals, there, centre)
+            middle[index] = place[0]
+    return middle
+
+
+def whole(surfaces: list[Surface], name: str) -> Surface:
+    """All surfaces of an object as one."""
+    own = [surface for surface in surfaces if surface.name == name]
+    corners = np.concatenate([surface.corners for surface in own])
+    return Surface(name, corners, np.concatenate([surface.corner_normals for surface in own]))
 
 
 def dropped(
-    points: np.ndarray, normal: np.ndarray, corners: np.ndarray, reach: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (P, 3) moved along a normal (3,) onto the nearest of triangles (F, 3, 3) within `reach`, m.
+    points: np.ndarray, normal: np.ndarray, surface: Surface, reach: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points (P, 3) moved along a normal (3,) onto the nearest triangle of a surface within `reach`, m.
 
     Returns:
-        points (P, 3), unit normals there (P, 3), and which met a triangle (P,)
+        points (P, 3), unit normals and unit shading normals there (P, 3), and which met a triangle (P,)
     """
+    alike = np.flatnonzero(surface.flat_normals @ normal > SAME_SIDE)
+    if not len(alike):
+        return points, np.zeros_like(points), np.zeros_like(points), np.zeros(len(points), bool)
+    corners, normals = surface.corners[alike], surface.corner_normals[alike]
     start, edge_u, edge_v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(edge_u, edge_v)
     facing = cross @ normal
-    alike = facing > SAME_SIDE * np.linalg.norm(cross, axis=1)
-    start, edge_u, edge_v, cross, facing = (part[alike] for part in (start, edge_u, edge_v, cross, facing))
-    if not len(start):
-        return points, np.zeros_like(points), np.zeros(len(points), bool)
     # Moeller and Trumbore 1997, all points with all triangles
     gap = points[:, None] - start
     u = np.cross(gap, edge_v) @ normal / facing
@@ -234,12 +270,18 @@ def dropped(
     u, v = u[row, best, None], v[row, best, None]
     there = np.isfinite(height[row, best])
     moved = start[best] + u * edge_u[best] + v * edge_v[best]
-    normals = cross[best] / np.linalg.norm(cross[best], axis=1, keepdims=True)
-    return np.where(there[:, None], moved, points), normals, there
+    shading = (1 - u - v) * normals[best, 0] + u * normals[best, 1] + v * normals[best, 2]
+    shading /= np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-9)
+    return np.where(there[:, None], moved, points), surface.flat_normals[alike[best]], shading, there
 
 
-def probe_mesh(probes: Probes, size: float) -> Any:
-    """Points as one object in the open scene, and the image that it bakes into; `size` is the scene's, m."""
+def probe_mesh(probes: Probes, size: float, shading: np.ndarray | None = None) -> Any:
+    """Points as one object in the open scene, and the image that it bakes into.
+
+    Args:
+        size: the scene's, m
+        shading: (N, 3) unit shading normals where they are not the points' own
+    """
     import bpy
 
     count = len(probes.position)
@@ -257,6 +299,9 @@ def probe_mesh(probes: Probes, size: float) -> Any:
     cover = np.array([[0.02, 0.02], [0.98, 0.02], [0.5, 0.98]])
     layer = mesh.uv_layers.new(name="Probes")
     layer.data.foreach_set("uv", ((texel[:, None] + cover) / width).astype(np.float32).ravel())
+
+    if shading is not None:
+        mesh.normals_split_custom_set(np.repeat(shading, 3, axis=0).tolist())
 
     image = bpy.data.images.new("Probes", width, width, alpha=False, float_buffer=True, is_data=True)
     material = bpy.data.materials.new("Probes")
@@ -301,12 +346,18 @@ def judge(scene: Any, samples: int, seed: int, threads: int) -> None:
     scene.render.use_simplify = False
 
 
-def measure(probes: Probes, size: float, samples: int, seeds: list[int], threads: int = 1) -> tuple[Any, list[float]]:
-    """Irradiance / pi at each point in the open scene: (K, N, 3) for K seeds, and the seconds each took."""
+def measure(
+    probes: Probes, size: float, samples: int, seeds: list[int], threads: int = 1, shading: np.ndarray | None = None
+) -> tuple[Any, list[float]]:
+    """Irradiance / pi at each point in the open scene: (K, N, 3) for K seeds, and the seconds each took.
+
+    Args:
+        size, shading: as for `probe_mesh`
+    """
     import bpy
 
     scene = bpy.context.scene
-    made, image = probe_mesh(probes, size)
+    made, image = probe_mesh(probes, size, shading)
     values, seconds = [], []
     for seed in seeds:
         judge(scene, samples, seed, threads)
@@ -353,7 +404,7 @@ def make_references(
     there = squares.there
     name = np.repeat(probes.object[:, None], POINTS, axis=1)
     flat = Probes(name[there], squares.points[there], squares.normals[there])
-    measured, seconds = measure(flat, extent(surfaces), samples, seeds)
+    measured, seconds = measure(flat, extent(surfaces), samples, seeds, shading=squares.shading[there])
     values = np.zeros((len(seeds), *squares.points.shape))
     values[:, there] = measured
     luminance = values.mean(axis=0) @ LUMINANCE
@@ -362,7 +413,7 @@ def make_references(
     means = (values * lit[:, :, None]).sum(axis=2)[:, kept] / lit.sum(axis=1)[kept, None]
     return References(
         object=probes.object[kept],
-        position=squares.centre[kept],
+        position=middles(surfaces, probes, squares, lit, footprint)[kept],
         normal=probes.normal[kept],
         value=means.mean(axis=0),
         noise=means.std(axis=0, ddof=1) / math.sqrt(len(seeds)),

@@ -152,3 +152,24 @@ def test_an_integrating_sphere_of_100_w_has_a_radiance_of_2_533() -> None:
     radiance = 0.5 * baked(page_size=256, quality="high").pages[0]
     assert radiance.mean(dtype=np.float64) == pytest.approx(2.5330, rel=0.005)
     assert np.abs(radiance / 2.5330 - 1).max() < 0.01
+
+
+def test_a_sphere_of_varying_emission_and_reflectance_is_lit_evenly() -> None:
+    """H = sum(A E) / sum(A (1 - rho)), whatever shines where: from any point of a sphere all parts count by area."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1)
+    sphere = bpy.context.object
+    bpy.ops.object.shade_smooth()
+    sphere.data.flip_normals()
+    kinds = [(0.2, 0.0), (0.8, 0.0), (0.5, 1.0), (0.6, 3.0)]
+    for reflectance, strength in kinds:
+        sphere.data.materials.append(material(reflectance, strength))
+    chosen = [
+        0 if face.center.x > 0.3 else 1 if face.center.z > 0 else 2 + face.index % 2 for face in sphere.data.polygons
+    ]
+    sphere.data.polygons.foreach_set("material_index", chosen)
+    area = np.array([face.area for face in sphere.data.polygons])
+    reflectance, strength = np.array(kinds)[chosen].T
+    expected = (area @ strength) / (area @ (1 - reflectance))
+    page = baked(page_size=256, quality="high").pages[0]
+    assert page.mean(dtype=np.float64) == pytest.approx(expected, rel=0.003)
+    assert np.abs(page / expected - 1).max() < 0.02

@@ -82,3 +82,33 @@ def test_probes_follow_area_and_are_the_same_each_time() -> None:
     assert (first.object == "large").sum() == 30
     np.testing.assert_array_equal(first.position, second.position)
     np.testing.assert_allclose(first.position[first.object == "small", 2], 5.0)
+
+
+def test_points_of_a_smooth_surface_have_its_shading_normals() -> None:
+    """A roof of 30 degrees that is shaded as if it were level is as bright under a sun in the zenith as a floor."""
+    lamp("SUN", energy=3.0, angle=0.0)
+    normal = np.array([[math.sin(math.radians(30)), 0.0, math.cos(math.radians(30))]])
+    roof = probes.Probes(np.array(["Floor"]), np.array([[0.0, 0.0, 1.0]]), normal)
+    values, _ = probes.measure(roof, 10.0, SAMPLES, [1], shading=np.array([[0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(values[0, 0], 3.0 / math.pi, rtol=2e-3)
+
+
+def test_a_footprint_is_clipped_to_its_surface() -> None:
+    (surface,) = probes.rendered_surfaces()
+    middle = probes.Probes(np.array(["Floor"] * 2), np.array([[0.0, 0, 0], [5.0, 0, 0]]), np.array([[0.0, 0, 1]] * 2))
+    squares = probes.footprints([surface], middle, 0.1)
+    assert squares.there[0].all()
+    assert squares.there[1].sum() == probes.POINTS / 2
+    centre = probes.middles([surface], middle, squares, squares.there, 0.1)
+    np.testing.assert_allclose(centre, [[0, 0, 0], [4.975, 0, 0]], atol=0.01)
+
+
+def test_points_of_a_curved_surface_lie_on_it() -> None:
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=1)
+    bpy.ops.object.shade_smooth()
+    surfaces = [surface for surface in probes.rendered_surfaces() if surface.name == "Sphere"]
+    place = probes.place(surfaces, 40)
+    squares = probes.footprints(surfaces, place, 0.05)
+    assert squares.there.all()
+    np.testing.assert_allclose(np.linalg.norm(squares.points, axis=2), 1.0, atol=0.005)
+    np.testing.assert_allclose(squares.shading, squares.points, atol=0.01)

@@ -52,7 +52,7 @@ def build() -> object:
     walls.data.polygons[2].material_index = 1
     oak = diffuse("Oak Beams", (0.28, 0.17, 0.09))
     for number, y in enumerate((1.0, 2.6, 4.2), 1):
-        box(f"Tie Beam {number}", (3.2, 0.16, 0.18), oak, (WIDTH / 2, y, 2.2))
+        box(f"Tie Beam {number}", (2.7, 0.16, 0.18), oak, (WIDTH / 2, y, 2.2))
         box(f"Post {number}", (0.14, 0.14, 2.2 + SINK), oak, (3.6, y, -SINK))
     box("Bed Frame", (1.1, 2.1, 0.3), oak, (0.75, 1.4, -SINK))
     box("Mattress", (1.0, 2.0, 0.2), diffuse("Ticking", (0.7, 0.68, 0.62)), (0.75, 1.4, 0.28), 0.05, 2)

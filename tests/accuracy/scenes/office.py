@@ -28,8 +28,8 @@ def build_room() -> None:
     box("Column", (0.45, 0.45, HEIGHT + 2 * SINK), white, (5.4, 3.5, -SINK))
     oak = diffuse("Door Oak", (0.42, 0.27, 0.15))
     for number, x in enumerate((1.2, 7.6), 1):
-        box(f"Door {number}", (0.95, 0.06, 2.1), oak, (x, LENGTH - 0.026, -SINK), 0.006)
-    box("Whiteboard", (2.4, 0.03, 1.2), diffuse("Whiteboard", (0.85, 0.85, 0.85)), (4.3, LENGTH - 0.011, 0.9), 0.005)
+        box(f"Door {number}", (0.95, 0.06, 2.1), oak, (x, LENGTH - 0.026, -SINK))
+    box("Whiteboard", (2.4, 0.03, 1.2), diffuse("Whiteboard", (0.85, 0.85, 0.85)), (4.3, LENGTH - 0.011, 0.9))
     box("Tray", (2.0, 0.08, 0.02), diffuse("Tray", (0.4, 0.4, 0.42)), (4.3, LENGTH - 0.06, 0.87))
     cabinets = [plank((0.8, 0.45, 1.1), (0.6 + 0.81 * number, 0.223, -SINK)) for number in range(4)]
     mesh_object("Cabinets", *joined(cabinets), diffuse("Cabinet", (0.55, 0.56, 0.55)))
@@ -49,10 +49,10 @@ def build_desks() -> None:
     feet = [plank((0.05, 0.05, 0.72), (x, y, -SINK)) for x, y in corners]
     star = [plank((0.6, 0.05, 0.05), (0, 0, -SINK)), plank((0.05, 0.6, 0.052), (0, 0, -SINK))]
     parts: list[tuple[bpy.types.Object, Point, float]] = [
-        (box("Desk Top", (1.6, 0.8, 0.03), beech, bevel=0.004), (0, 0, 0.714), 0),
+        (box("Desk Top", (1.6, 0.8, 0.03), beech), (0, 0, 0.714), 0),
         (mesh_object("Desk Legs", *joined(feet), steel), (0, 0, 0), 0),
         (box("Drawers", (0.4, 0.55, 0.6), beech), (0.5, 0.05, -SINK), 0),
-        (box("Monitor", (0.56, 0.03, 0.34), black, bevel=0.004), (-0.1, 0.22, 0.86), 4),
+        (box("Monitor", (0.56, 0.03, 0.34), black), (-0.1, 0.22, 0.86), 4),
         (box("Monitor Foot", (0.22, 0.16, 0.14), black), (-0.1, 0.24, 0.74), 0),
         (box("Keyboard", (0.42, 0.14, 0.018), black), (-0.1, -0.14, 0.742), -3),
         (box("Seat", (0.48, 0.46, 0.09), fabric, bevel=0.03, subdivision=1), (-0.1, -0.68, 0.42), 12),
@@ -84,14 +84,8 @@ def build_desks() -> None:
             else:
                 made = placed_copy(original, f"{original.name} {number}", place)
                 made.rotation_euler = (0, 0, math.radians(turn + own))
-    for number, x in enumerate((2.8, 6.1), 1):
-        box(
-            f"Partition {number}",
-            (1.6, 0.04, 1.3),
-            diffuse(f"Partition {number}", (0.3, 0.42, 0.3)),
-            (x, 3.5, -SINK),
-            0.01,
-        )
+    for number, x in enumerate((2.8, 6.6), 1):
+        box(f"Partition {number}", (1.6, 0.04, 1.3), diffuse(f"Partition {number}", (0.3, 0.42, 0.3)), (x, 3.5, -SINK))
 
 
 def build_lamps() -> None:
