@@ -15,6 +15,7 @@ from radiosity_addon.page_files import PageFiles
 from radiosity_addon.page_format import Recipe
 from radiosity_addon.radiosity import Balance
 from radiosity_addon.report import BakedObject, Page, Report, thinned, write_report
+from radiosity_addon.settings import BakeSettings
 
 
 def report(**changes: object) -> Report:
@@ -45,7 +46,7 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
         "folder": ".",
         "settings": {
             "quality": "medium",
-            "solver": "progressive",
+            "solver": BakeSettings.solver,
             "tolerance": 1e-4,
             "page_size": 1024,
             "density": None,
