@@ -20,7 +20,7 @@ from .nurbs import Curve, Surface
 CHORD = 5e-4
 """Distance of the linear pieces from the true shape, as a share of the shape's extent."""
 
-TURN = np.radians(10.0)
+TURN = np.radians(20.0)
 """Most that the normal turns from one line of the grid to the next."""
 
 ALONG, ACROSS = 0.375, 0.25

@@ -32,6 +32,9 @@ FULL_CIRCLE = 0.97 * 2 * np.pi
 STRAIGHT = 1e-3
 """Sectors of a smaller angle are rectangles."""
 
+FOLDED = 1e3
+"""Stretch of what is folded over."""
+
 LOOKED_AT = 48
 """Rows and columns of a piece, at most, whose distortion is measured."""
 
@@ -107,7 +110,7 @@ def _pieces(points: Float64, longest: float) -> list[_Piece] | None:
     while waiting:
         piece = waiting.pop()
         part = piece.part(points)
-        flat, stretch = _flattened(part)
+        flat, stretch, _ = _flattened(part)
         if stretch <= STRETCH:
             if np.ptp(flat.reshape(-1, 2), axis=0).max() <= longest or not (halves := _halves(piece, points)):
                 done.append(piece)
@@ -118,7 +121,7 @@ def _pieces(points: Float64, longest: float) -> list[_Piece] | None:
         if not cuts:
             done.append(piece)  # a single face: its polygon is repaired when charts are tidied
             continue
-        waiting += min(cuts, key=lambda halves: max(_flattened(half.part(points))[1] for half in halves))[::-1]
+        waiting += min(cuts, key=lambda halves: sum(_flattened(half.part(points))[2] for half in halves))[::-1]
         if len(done) + len(waiting) > MOST_PIECES:
             return None
     return done
@@ -131,8 +134,8 @@ def _halves(piece: _Piece, points: Float64) -> tuple[_Piece, _Piece] | None:
     return piece.cut(points, int(lengths[1] > lengths[0]))
 
 
-def _flattened(points: Float64) -> tuple[Float64, float]:
-    """Places (R, C, 2) of a piece (R, C, 3), and how much lengths are stretched at worst.
+def _flattened(points: Float64) -> tuple[Float64, float, float]:
+    """Places (R, C, 2) of a piece (R, C, 3), and how much lengths are stretched at worst and on the mean.
 
     It is unrolled as a cone whose top lies beyond the first or last row, or beyond the first or last column.
     """
@@ -141,7 +144,7 @@ def _flattened(points: Float64) -> tuple[Float64, float]:
     chosen = [_evenly(size) for size in points.shape[:2]]
     sample = points[np.ix_(*chosen)]
     stretches = [_stretch(sample, flat[np.ix_(*chosen)]) for flat in (by_rows, by_columns)]
-    return (by_rows, stretches[0]) if stretches[0] <= stretches[1] else (by_columns, stretches[1])
+    return (by_rows, *stretches[0]) if stretches[0] <= stretches[1] else (by_columns, *stretches[1])
 
 
 def _evenly(size: int) -> Int64:
@@ -168,38 +171,30 @@ def _as_cone(points: Float64) -> Float64:
     return np.asarray(radius[:, None, None] * around)
 
 
-def _stretch(points: Float64, flat: Float64) -> float:
-    """The largest factor by which a length in the plane is too long or too short, areas being equal in sum.
+def _stretch(points: Float64, flat: Float64) -> tuple[float, float]:
+    """By what factor lengths in the plane are too long or too short, areas being equal in sum: at worst, on the mean.
 
     From the singular values of the map of each face's two triangles (Sander et al. 2001, "Texture mapping progressive
-    meshes").
+    meshes"). Triangles that are folded over count as `FOLDED`.
     """
-    worst_long, worst_short, total, total_flat = 0.0, np.inf, 0.0, 0.0
-    for a, b in ((1, 2), (2, 3)):
-        corners, places = (faces_of(array).reshape(-1, 4, array.shape[2]) for array in (points, flat))
-        e1, e2 = corners[:, a] - corners[:, 0], corners[:, b] - corners[:, 0]
-        d1, d2 = places[:, a] - places[:, 0], places[:, b] - places[:, 0]
-        g11, g12, g22 = (e1 * e1).sum(1), (e1 * e2).sum(1), (e2 * e2).sum(1)
-        f11, f12, f22 = (d1 * d1).sum(1), (d1 * d2).sum(1), (d2 * d2).sum(1)
-        determinant = g11 * g22 - g12**2
-        real = determinant > 1e-12 * float(np.maximum(g11, g22).max(initial=0.0)) ** 2
-        if not real.any():
-            continue
-        area = np.sqrt(determinant[real])
-        signed = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[real]
-        trace = (g22 * f11 - 2 * g12 * f12 + g11 * f22)[real] / determinant[real]
-        product = np.abs(signed) / area
-        root = np.sqrt(np.maximum(trace**2 / 4 - product**2, 0.0))
-        worst_long = max(worst_long, float(np.sqrt(trace / 2 + root).max()))
-        worst_short = min(worst_short, float((product / np.sqrt(np.maximum(trace / 2 + root, 1e-300))).min()))
-        total += float(area.sum())
-        total_flat += float(abs(signed.sum()))
-        if (signed > 0).any() and (signed < 0).any():
-            return np.inf  # folded over
-    if not total_flat > 0:
-        return 1.0 if not total > 0 else np.inf
-    scale = np.sqrt(total / total_flat)
-    return float(max(worst_long * scale, 1 / max(worst_short * scale, 1e-300)))
+    corners, places = (faces_of(array).reshape(-1, 4, array.shape[2]) for array in (points, flat))
+    e1, e2 = (np.concatenate([corners[:, k] - corners[:, 0] for k in pair]) for pair in ((1, 2), (2, 3)))
+    d1, d2 = (np.concatenate([places[:, k] - places[:, 0] for k in pair]) for pair in ((1, 2), (2, 3)))
+    g11, g12, g22 = (e1 * e1).sum(1), (e1 * e2).sum(1), (e2 * e2).sum(1)
+    determinant = g11 * g22 - g12**2
+    real = determinant > 1e-12 * float(np.maximum(g11, g22).max(initial=0.0)) ** 2
+    signed = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[real]
+    if not real.any() or not signed.sum():
+        return FOLDED, FOLDED
+    area = np.sqrt(determinant[real])
+    scale = float(area.sum() / abs(signed.sum()))
+    f11, f12, f22 = (d1 * d1).sum(1)[real], (d1 * d2).sum(1)[real], (d2 * d2).sum(1)[real]
+    trace = (g22[real] * f11 - 2 * g12[real] * f12 + g11[real] * f22) / determinant[real] * scale
+    product = signed * np.sign(signed.sum()) / area * scale
+    longest = np.sqrt(trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - product**2, 0.0)))
+    each = np.where(product > 0, np.maximum(longest, longest / np.maximum(product, 1e-300)), FOLDED)
+    each = np.minimum(each, FOLDED)
+    return float(each.max()), float(np.average(each, weights=area))
 
 
 def _face_areas(points: Float64) -> Float64:
