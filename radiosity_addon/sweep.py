@@ -205,8 +205,8 @@ def bevel_profile(
 
 
 def steps_for(radius: float, angle: float, chord: float) -> int:
-    """Parts into which an arc of that angle, radians, must be cut for the bounds on chord and turn."""
-    most = TURN if chord >= radius else min(TURN, 2 * np.arccos(1 - chord / radius))
+    """Parts into which an arc of that angle, radians, must be cut for the bound on its chords; eighths at most."""
+    most = np.pi / 4 if chord >= radius else min(np.pi / 4, 2 * np.arccos(1 - chord / radius))
     return max(1, int(np.ceil(angle / most - 1e-9)))
 
 

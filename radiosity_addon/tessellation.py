@@ -26,6 +26,9 @@ TURN = np.radians(20.0)
 ALONG, ACROSS = 0.375, 0.25
 """Shares of the bound for the bend along each direction, twice, and for the twist."""
 
+SLIDE = 10.0
+"""How much farther points of a curve may be off along it, where only its texture slides, than across it."""
+
 PROBES = (np.cos(np.pi * (np.arange(5) + 0.5) / 5)[::-1] + 1) / 2
 """Where derivatives are looked at between two knots: nodes of Chebyshev, which stay clear of the ends."""
 
@@ -101,7 +104,7 @@ def probes_of(breaks: Float64) -> Float64:
 
 
 def curve_density(curve: Curve, chord: float, turn: float = TURN) -> Density:
-    """What a curve in space asks for.
+    """What a curve in space asks for: its bend keeps the bound, uneven speed along it a wider one.
 
     Args:
         chord: m
@@ -109,9 +112,11 @@ def curve_density(curve: Curve, chord: float, turn: float = TURN) -> Density:
     """
     breaks = curve.basis.breaks
     _, first, second = (value[:, :3] for value in curve.derivatives(probes_of(breaks), 2))
-    speed = np.maximum((first**2).sum(axis=1), 1e-300)
-    bend = np.linalg.norm(np.cross(first, second), axis=1) / speed
-    rate = np.maximum(np.sqrt(np.linalg.norm(second, axis=1) / (8 * chord)), bend / turn)
+    square = np.maximum((first**2).sum(axis=1), 1e-300)
+    across = np.linalg.norm(np.cross(first, second), axis=1)
+    along = np.abs((first * second).sum(axis=1))
+    sag = np.maximum(across, along / SLIDE) / np.sqrt(square)
+    rate = np.maximum(np.sqrt(sag / (8 * chord)), across / square / turn)
     return Density(breaks, rate.reshape(-1, len(PROBES)))
 
 

@@ -99,6 +99,8 @@ def surface_nets(data: bpy.types.SurfaceCurve) -> Nets:
 
 
 def _sampled(surface: Surface, spline: bpy.types.Spline) -> Net:
+    if not extent(surface.points):
+        raise Degenerate("its points coincide")
     ring = spline.use_cyclic_u, spline.use_cyclic_v
     u, v = grid_parameters(surface, CHORD * extent(surface.points), closed=ring)
     return surface_net(surface, u, v, ring, spline.material_index)
@@ -124,27 +126,28 @@ def curve_nets(data: bpy.types.Curve, depsgraph: bpy.types.Depsgraph, tube: floa
     if bare and not tube:
         return Nets((), (), ())
     taper = taper_of(data, depsgraph)
-    nets: list[Net] = []
-    ends: list[Cap] = []
+    paths: list[tuple[Path, int]] = []
     degenerate = []
     for spline in data.splines:
         try:
             path = read_path(spline, resolution_of(data, spline, depsgraph))
+            if not extent(path.curve.points):
+                raise Degenerate("its points coincide")
+            paths.append((path, spline.material_index))
         except Degenerate as reason:
             degenerate.append(str(reason))
-            continue
+    size = extent(np.concatenate([path.curve.points for path, _ in paths])) if paths else 0.0
+    nets: list[Net] = []
+    ends: list[Cap] = []
+    for path, material in paths:
         factor = taper(path)
-        chord = CHORD * extent(path.curve.points)
         widest = max(float(np.abs(factor(path.curve.points[:, 3], np.zeros(1))).max()), 1e-9)
-        outlines = [_tube(tube, chord)] if bare else profiles(data, depsgraph, chord / widest)
+        outlines = [_tube(tube, CHORD * size)] if bare else profiles(data, depsgraph, CHORD * size / widest)
         for outline in outlines:
             profile = Profile(outline.points + np.array([data.offset, 0.0]), outline.places)
-            parameters = path.parameters(chord, profile.reach, factor, data.twist_mode)
+            parameters = path.parameters(CHORD * size, profile.reach, factor, data.twist_mode)
             line = path.at(parameters).without_repeats(REPEATED * extent(path.curve.points))
-            if len(line.points) < 2:
-                degenerate.append("its points coincide")
-                break
-            nets.append(swept(line, profile, factor, data.twist_mode, spline.material_index))
+            nets.append(swept(line, profile, factor, data.twist_mode, material))
             if (bare or data.use_fill_caps) and not path.closed:
                 ends += caps(nets[-1])
     return Nets(tuple(nets), tuple(ends), tuple(degenerate))

@@ -256,6 +256,8 @@ class _Reading:
         mesh: bpy.types.Mesh
         if splines is not None:
             mesh = splines.mesh
+            for reason in splines.nets.degenerate:
+                self.warn(f"{thing.name}: a spline is left out: {reason}")
         else:
             mesh = thing.to_mesh() if thing.data.is_editmode else thing.data  # an edited mesh is evaluated on demand
         lightmapped = thing.type != "CURVES" and self.gets_lightmap(item)
@@ -288,11 +290,8 @@ class _Reading:
             self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
         uv = kept_uv(mesh, shape, thing.name, settings) if lightmapped else None
         chart = None
-        if splines is not None:
-            for reason in splines.nets.degenerate:
-                self.warn(f"{thing.name}: a spline is left out: {reason}")
-            if lightmapped and uv is None:
-                uv, chart = splines.cut(shape.corner, matrix) or (None, None)
+        if splines is not None and lightmapped and uv is None:
+            uv, chart = splines.cut(shape.corner, matrix) or (None, None)
         uv_map = getattr(settings, "uv_map", "")
         self.sources.append(
             Source(

@@ -100,7 +100,7 @@ def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> S
         return None
     nets = surface_nets(thing.data) if thing.type == "SURFACE" else curve_nets(thing.data, depsgraph, _tube(original))
     if not nets.nets:
-        return None
+        return SplineMesh(bpy.data.meshes.new(original.data.name), nets) if nets.degenerate else None
     faces = patchwork(nets.nets, nets.caps)
     return SplineMesh(_filled(original.data.name, faces, thing.data), nets, faces)
 

@@ -158,7 +158,7 @@ def _straight(place: Float64, knots: bpy.types.bpy_prop_collection, start: Float
 
 
 def _weights(weights: Float64) -> Float64:
-    if not (np.isfinite(weights).all() and (weights > 0).all()):
+    if not (weights > 0).all():
         raise Degenerate("a control point's weight is not positive")
     return weights
 
@@ -172,4 +172,6 @@ def _direction(start: Float64, stop: Float64) -> Float64:
 def _get(items: bpy.types.bpy_prop_collection, name: str, width: int) -> Float64:
     values = np.empty(len(items) * width, np.float32)
     items.foreach_get(name, values)
+    if not np.isfinite(values).all():
+        raise Degenerate("it has control points that are not finite numbers")
     return values.astype(np.float64).reshape(len(items), width) if width > 1 else values.astype(np.float64)

@@ -147,6 +147,28 @@ def test_a_degenerate_spline_is_left_out_with_a_warning():
     assert extraction.scene.meshes[0].vertices.max() < 4
 
 
+@pytest.mark.parametrize("place", [(0, 0, 0), (np.nan, 0, 0), (np.inf, 1, 2)])
+def test_points_that_coincide_or_are_not_finite_make_nothing(place):
+    bpy.ops.mesh.primitive_plane_add()
+    thing, sheet = curve_object("NURBS", bevel_depth=0.1), nurbs_sphere()
+    for owner in (thing, sheet):
+        for point in owner.data.splines[0].points:
+            point.co = (*place, 1)
+    extraction = extract_scene(bpy.context.scene)
+    assert [mesh.name for mesh in extraction.scene.meshes] == ["Plane"]
+    assert {thing.name, sheet.name} <= set(dict(extraction.skipped))
+    assert sum("spline is left out" in warning for warning in extraction.warnings) == 2
+
+
+def test_a_weight_of_nothing_leaves_its_spline_out():
+    bpy.ops.mesh.primitive_plane_add()
+    thing = curve_object("NURBS", bevel_depth=0.1)
+    thing.data.splines[0].points[2].co[3] = 0
+    extraction = extract_scene(bpy.context.scene)
+    assert [mesh.name for mesh in extraction.scene.meshes] == ["Plane"]
+    assert any("weight" in warning for warning in extraction.warnings)
+
+
 def test_the_stand_in_is_what_was_baked_and_revert_brings_the_surface_back():
     thing = nurbs_sphere()
     thing.data.materials.append(bpy.data.materials.new("Glaze"))
@@ -252,7 +274,7 @@ def test_a_bare_curve_with_a_tube_is_shown_and_comes_back():
     scene = bpy.context.scene
     bake_all(scene)
     stand_in = scene.objects["Curve (Radiosity)"]
-    assert len(stand_in.data.polygons) > 30
+    assert len(stand_in.data.polygons) > 10
     image = next(image for image in bpy.data.images if image.name.startswith("Radiosity"))
     assert np.array(image.pixels[:]).reshape(-1, 4)[:, :3].max() > 0.05
     revert(scene)
