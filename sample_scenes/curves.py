@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import bpy
@@ -30,10 +31,12 @@ CIRCLE_WEIGHTS = [math.sqrt(0.5), 1.0] * 4
 """Control points of the unit circle as a closed Bezier spline of order 3: it runs through every second one."""
 
 SIGN = {
-    "g": [(1.0, 0.8), (0.55, 1.0), (0.1, 0.5), (0.52, 0.02), (0.96, 0.45), (1.0, 0.95), (1.0, -0.3), (0.6, -0.85), (0.12, -0.6)],
+    "g": [(1.0, 0.8), (0.55, 1.0), (0.1, 0.5), (0.52, 0.02), (0.96, 0.45), (1.0, 0.95), (1.0, -0.3), (0.6, -0.85),
+          (0.12, -0.6)],
     "l": [(1.3, 0.12), (1.66, 0.75), (1.76, 1.55), (1.58, 1.9), (1.44, 1.4), (1.46, 0.4), (1.68, 0.02), (1.95, 0.2)],
     "o": [(2.98, 0.5), (2.5, 1.0), (2.05, 0.5), (2.5, 0.0)],
-    "w": [(3.2, 1.0), (3.26, 0.3), (3.5, 0.02), (3.8, 0.35), (3.9, 0.85), (3.98, 0.35), (4.25, 0.02), (4.55, 0.4), (4.6, 1.02)],
+    "w": [(3.2, 1.0), (3.26, 0.3), (3.5, 0.02), (3.8, 0.35), (3.9, 0.85), (3.98, 0.35), (4.25, 0.02), (4.55, 0.4),
+          (4.6, 1.02)],
 }  # fmt: skip
 """Strokes of the letters; the o is closed."""
 
@@ -124,7 +127,7 @@ def turned(
     ring = np.array(CIRCLE_WEIGHTS)
     radius, height = np.array(profile, float).T
     points = np.stack(
-        [radius[:, None] * corner[:, 0], radius[:, None] * corner[:, 1], height[:, None] + 0 * ring], axis=2
+        [radius[:, None] * corner[:, 0], -radius[:, None] * corner[:, 1], height[:, None] + 0 * ring], axis=2
     )
     return surface(
         name, points, np.array(weights)[:, None] * ring, paint, location,
@@ -151,13 +154,14 @@ def build_room() -> None:
     stone = diffuse("Stone", (0.66, 0.64, 0.6))
     box("Tall Plinth", (0.5, 0.5, 0.95), stone, (-1.35, 2.5, 0), bevel=0.015)
     box("Low Plinth", (0.9, 0.7, 0.45), stone, (1.25, 2.35, 0), bevel=0.015)
+    white = diffuse("Ceiling White", (0.8, 0.79, 0.77))
     x, y = np.meshgrid(np.linspace(-w, w, 7), np.linspace(0, d, 6))
     wave = h + 0.28 * np.sin(x * 1.9 + 0.6 * y) + 0.12 * np.cos(1.7 * y)
     surface(
-        "Lofted Ceiling", np.stack([x, y, wave], axis=2)[:, ::-1], np.ones(x.shape), diffuse("Ceiling White", (0.8, 0.79, 0.77)),
+        "Lofted Ceiling", np.stack([x, y, wave], axis=2), np.ones(x.shape), white,
         (0, 0, 0), order_u=4, order_v=4, use_endpoint_u=True, use_endpoint_v=True,
     )  # fmt: skip
-    outline = nurbs_outline("Skirting Outline", [(0, 0), (0.025, 0), (0.025, 0.07), (0.012, 0.1), (0, 0.1)])
+    outline = nurbs_outline("Skirting Outline", [(0, 0.1), (0.012, 0.1), (0.025, 0.07), (0.025, 0)])
     inset = 0.001
     along = [(-w + inset, 0.0, 0.0), (-w + inset, d - inset, 0.0), (w - inset, d - inset, 0.0), (w - inset, 0.0, 0.0)]
     poly("Skirting", along, glossy("Skirting White", (0.7, 0.69, 0.67), 0.3), outline)
@@ -183,7 +187,7 @@ def poly(name: str, points: Sequence[Point], paint: Paint, outline: bpy.types.Ob
     data.dimensions = "3D"
     data.twist_mode = "Z_UP"
     data.bevel_mode, data.bevel_object = "OBJECT", outline
-    for start, stop in zip(points, points[1:], strict=False):
+    for start, stop in pairwise(points):
         spline = data.splines.new("POLY")
         spline.points.add(1)
         spline.points[0].co, spline.points[1].co = (*start, 1), (*stop, 1)
@@ -194,8 +198,18 @@ def poly(name: str, points: Sequence[Point], paint: Paint, outline: bpy.types.Ob
 def build_exhibits() -> None:
     """The vase, the torus under its arc, and a horn on the floor."""
     glaze = glossy("Glaze", (0.05, 0.30, 0.33), 0.25)
-    profile = [(0.0, 0.0), (0.13, 0.0), (0.13, 0.02), (0.32, 0.16), (0.26, 0.40), (0.06, 0.46), (0.08, 0.58), (0.15, 0.62),
-               (0.135, 0.62), (0.065, 0.575), (0.045, 0.46), (0.24, 0.39), (0.28, 0.18), (0.0, 0.04)]  # fmt: skip
+    outside = [
+        (0.0, 0.0),
+        (0.13, 0.0),
+        (0.13, 0.02),
+        (0.32, 0.16),
+        (0.26, 0.40),
+        (0.06, 0.46),
+        (0.08, 0.58),
+        (0.15, 0.62),
+    ]
+    inside = [(0.135, 0.62), (0.065, 0.575), (0.045, 0.46), (0.24, 0.39), (0.28, 0.18), (0.0, 0.04)]
+    profile = outside + inside
     turned("Vase", profile, [1.0] * len(profile), glaze, (-1.35, 2.5, 0.95), order_v=4, use_endpoint_v=True)
     tube = [(0.30 + 0.105 * x, 0.105 * y) for x, y in CIRCLE]
     ring = turned("Torus", tube, CIRCLE_WEIGHTS, glossy("Coral", (0.72, 0.18, 0.08), 0.35), (1.25, 2.35, 0.85),
@@ -239,17 +253,16 @@ def build_light() -> None:
         (2.55, DEPTH - 0.06, 0.03),
     ]
     nurbs("Cable", cable, diffuse("Cable Black", (0.02, 0.02, 0.02)), bevel_depth=0.008)
-    around = [
-        (0.5 * math.cos(k * math.pi / 4), 0.5 * math.sin(k * math.pi / 4), 0.03 * math.sin(k * math.pi / 2))
-        for k in range(8)
-    ]
+    around = [(0.52 * math.cos(k * math.pi / 4), 0.52 * math.sin(k * math.pi / 4), 0.0) for k in range(8)]
     ring = nurbs("Ring Lamp", around, lit("Warm Tube", (1.0, 0.72, 0.42), 22.0), closed=True, bevel_depth=0.02)
-    ring.location = (0.1, 1.7, 2.35)
-    arc = [(0.52 * math.cos(t), 0.0, 0.52 * math.sin(t)) for t in np.linspace(0.12 * math.pi, 0.88 * math.pi, 7)]
+    ring.location, ring.rotation_euler = (0.05, 1.9, 2.42), (math.radians(-14), math.radians(6), 0)
+    arc = [(0.56 * math.cos(t), 0.0, 0.56 * math.sin(t)) for t in np.linspace(0.12 * math.pi, 0.88 * math.pi, 7)]
     bare = bezier("Bare Arc", [(arc, False)], lit("Cool Tube", (0.55, 0.85, 1.0), 14.0))
-    bare.location, bare.rotation_euler = (1.25, 2.55, 0.72), (0, 0, math.radians(24))
-    if hasattr(bare, "radiosity"):  # the extension's own settings are kept with the object
+    bare.location, bare.rotation_euler = (1.25, 2.3, 0.86), (0, 0, math.radians(24))
+    if hasattr(bare, "radiosity"):
         bare.radiosity.tube_radius = 0.011
+    else:  # without the extension its settings are what a file holds of them
+        bare["radiosity"] = {"tube_radius": 0.011}
 
 
 def build() -> bpy.types.Scene:
