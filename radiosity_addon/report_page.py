@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import base64
 import json
-from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,34 +13,18 @@ import numpy as np
 from .arrays import Float32
 from .color.spaces import RGBSpace, xy_of
 from .color.spectra import dominant_wavelength
-from .encodings import UInt8
 from .errors import OutputError, SceneError
 from .files import Transaction, write_text
 from .image import read_image
 from .overview import data_uri
 from .page_format import Recipe
-from .pictures import (
-    LUMENS_PER_WATT,
-    as_seen,
-    color_scale,
-    exposure_of,
-    false_colors,
-    illuminance,
-    marked,
-    masked,
-    picture_uri,
-    shrunk,
-)
-from .plots import chromaticity_diagram, histogram, nice_numbers, residual_curve, scale_legend
-from .png import gray_pixels
+from .pictures import LUMENS_PER_WATT, shrunk
+from .plots import chromaticity_diagram, histogram, residual_curve
 from .progress import duration, short_count
+from .report_figures import figure, pages_section, share_text, short_text
 
 PICTURE_EDGE = 384
 """Pixels along the edge of a page's picture, at most."""
-DARK_END, BRIGHT_END = 0.005, 0.999
-"""Shares of texels below the ends of the illuminance scale."""
-MOST_SCALE = 1e4
-"""Ratio of the ends of the illuminance scale, at most: 13 stops."""
 MOST_ROWS = 12
 """Objects in one table; more go into two, side by side."""
 STYLE = Path(__file__).with_name("report_page.css")
@@ -84,7 +66,7 @@ def _page(known: dict[str, Any], folder: Path) -> str:
     sections = [
         _head(known),
         _renders(known, folder),
-        _pages(known, pages, space),
+        pages_section(known, pages, space),
         _light(known),
         _solver(known),
         _files(known),
@@ -135,11 +117,11 @@ def _head(known: dict[str, Any]) -> str:
         ("Texels", short_count(known["texels"])),
         ("Patches", short_count(known["patches"])),
         ("Rays", short_count(known["rays"])),
-        ("Left to bounce", _share(known["residual"])),
+        ("Left to bounce", share_text(known["residual"])),
     ]
     if light:
         lux = np.pi * LUMENS_PER_WATT * light["mean"]
-        figures.append(("Mean illuminance", f"{_short(lux)} <small>lx</small>"))
+        figures.append(("Mean illuminance", f"{short_text(lux)} <small>lx</small>"))
     warnings = "".join(f"<li>{escape(warning)}</li>" for warning in known["warnings"])
     cells = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in figures)
     words = [f"{settings['quality']} quality", f"{settings['solver']} solver", known["working_space"]["name"]]
@@ -156,61 +138,11 @@ def _renders(known: dict[str, Any], folder: Path) -> str:
     for name, caption in captions.items():
         path = known["renders"][name]
         if path and (folder / path).is_file():
-            figures.append(_figure(data_uri((folder / path).read_bytes()), caption))
+            figures.append(figure(data_uri((folder / path).read_bytes()), caption))
     if not figures:
         return ""
     title = "Before and after" if len(figures) == 2 else "The lit scene"
     return f'<section><h2>{title}</h2><div class="two">{"".join(figures)}</div></section>\n'
-
-
-def _pages(known: dict[str, Any], pages: Sequence[Float32 | None], space: RGBSpace) -> str:
-    found = [page for page in pages if page is not None]
-    ends = _lux_ends(found, space)
-    gain = exposure_of(found, space) if found else 1.0
-    mapped = [page["maps"] for page in known["pages"] if "maps" in page]
-    highs = {name: max((maps[name]["high"] for maps in mapped), default=1.0) for name in ("density", "error")}
-    rows = []
-    for number, (page, light) in enumerate(zip(known["pages"], pages, strict=True), 1):
-        coverage = _decoded(page["maps"]["coverage"]) if "maps" in page else np.ones((1, 1), np.float32)
-        figures = _pictures(light, coverage, space, gain, ends)
-        if light is None:
-            figures = f'<p class="nothing">{escape(page["file"] or "packed into the .blend")}<br>not found</p>'
-        if "maps" in page:
-            figures += _page_maps(page["maps"], coverage, highs)
-        name = f"Page {number}: {escape(page['image'])}, {page['size'][0]} × {page['size'][1]}"
-        rows.append(f'<div class="page"><h3>{name}</h3>{figures}</div>')
-    legends = ""
-    if found:
-        span = np.log(ends[1] / ends[0])
-        ticks = [(np.log(number / ends[0]) / span, _short(number)) for number in nice_numbers(*ends)]
-        legends += _legend(ticks, "illuminance, lux")
-    if mapped:
-        quarters = (0, 0.25, 0.5, 0.75, 1)
-        legends += _legend([(part, _short(part * highs["density"])) for part in quarters], "texels per metre")
-        lost = [(part, _share(part * highs["error"])) for part in (0, 0.5, 1)]
-        legends += _legend(lost, "error of the file, of a colour's largest channel")
-    return f'<section><h2>Pages</h2>{"".join(rows)}<div class="legends">{legends}</div></section>\n'
-
-
-def _pictures(light: Float32 | None, coverage: Float32, space: RGBSpace, gain: float, ends: tuple[float, float]) -> str:
-    if light is None:
-        return ""
-    seen = masked(as_seen(light, space, gain), coverage)
-    lux = masked(false_colors(illuminance(light, space), *ends, logarithmic=True), coverage)
-    return _figure(picture_uri(seen), "<b>Light</b>as a camera sees it") + _figure(
-        picture_uri(lux), "<b>Illuminance</b>false colours"
-    )
-
-
-def _page_maps(maps: dict[str, Any], coverage: Float32, highs: dict[str, float]) -> str:
-    outside = _decoded(maps["outside"])
-    there = "<b>Outside the gamut</b>" + ("magenta" if outside.any() else "nothing is")
-    figures = {
-        "<b>Density</b>texels per metre": _scaled(maps["density"], highs["density"]),
-        f"<b>Error of the file</b>at most {_share(maps['error']['high'])}": _scaled(maps["error"], highs["error"]),
-        there: marked(np.full_like(outside, 0.75), outside > 0),
-    }
-    return "".join(_figure(picture_uri(masked(drawn, coverage)), text, "small") for text, drawn in figures.items())
 
 
 def _light(known: dict[str, Any]) -> str:
@@ -222,7 +154,7 @@ def _light(known: dict[str, Any]) -> str:
     mean = xy_of(np.array(light["mean_xyz"]))
     wavelength, purity = dominant_wavelength(mean)
     tint = f"{wavelength:.0f} nm" if wavelength > 0 else f"complement of {-wavelength:.0f} nm"
-    said = f"All light together: x {mean[0]:.4f}, y {mean[1]:.4f}; hue {tint}, purity {_share(float(purity))}."
+    said = f"All light together: x {mean[0]:.4f}, y {mean[1]:.4f}; hue {tint}, purity {share_text(float(purity))}."
     if not light["brightest"]:
         said = "There is no light."
     diagram = chromaticity_diagram(colors["png"], colors["x"], colors["y"], (float(mean[0]), float(mean[1])))
@@ -232,8 +164,8 @@ def _light(known: dict[str, Any]) -> str:
     )
     keys += '<li><svg viewBox="0 0 30 10"><line class="planck" x1="0" x2="30" y1="5" y2="5"/></svg>black bodies</li>'
     table = "".join(
-        f'<tr><th>{name}</th><td class="number">{_short(light[key])} W/(m2 sr)</td>'
-        f'<td class="number">{_short(light[key] * np.pi * LUMENS_PER_WATT)} lx</td></tr>'
+        f'<tr><th>{name}</th><td class="number">{short_text(light[key])} W/(m2 sr)</td>'
+        f'<td class="number">{short_text(light[key] * np.pi * LUMENS_PER_WATT)} lx</td></tr>'
         for name, key in (("Darkest", "darkest"), ("Mean", "mean"), ("Brightest", "brightest"))
     )
     return (
@@ -250,11 +182,11 @@ def _balance(known: dict[str, Any]) -> str:
         return ""
     parts = [(name, balance[name] / balance["emitted"]) for name in ("absorbed", "escaped", "unshot")]
     segments = "".join(f'<i class="{name}" style="width:{max(share, 0):.3%}"></i>' for name, share in parts)
-    keys = "".join(f'<li><i class="dot {name}"></i>{name} {_share(share)}</li>' for name, share in parts)
+    keys = "".join(f'<li><i class="dot {name}"></i>{name} {share_text(share)}</li>' for name, share in parts)
     missing = abs(1 - sum(share for _, share in parts))
     return (
         f'<div class="card"><h3>Where the light went</h3><div class="balance">{segments}</div>'
-        f'<ul class="key">{keys}</ul><p class="quiet">Of {_short(balance["emitted"])} W that surfaces sent out the '
+        f'<ul class="key">{keys}</ul><p class="quiet">Of {short_text(balance["emitted"])} W that surfaces sent out the '
         f"first time, their own light and the lamps'. What does not add up: {missing:.0e} of it.</p></div>"
     )
 
@@ -283,8 +215,8 @@ def _files(known: dict[str, Any]) -> str:
         ("Format", escape(said["format"])),
         ("Color space", escape(said["space"])),
         ("Rendering intent", escape(said["intent"])),
-        ("Outside the gamut before", _share(said["outside_before"])),
-        ("Outside the gamut after", _share(said["outside_after"])),
+        ("Outside the gamut before", share_text(said["outside_before"])),
+        ("Outside the gamut after", share_text(said["outside_after"])),
         ("To decode", f"<code>{escape(said['decode'])}</code>"),
     ]
     rows += [(name, f"{said[name]:.6g}") for name in ("scale", "brightest") if said[name] != 1]
@@ -300,7 +232,7 @@ def _files(known: dict[str, Any]) -> str:
 def _objects(known: dict[str, Any]) -> str:
     rows = [
         f'<tr><td>{escape(row["source"])}</td><td class="number">{row["page"] + 1}</td>'
-        f'<td class="number">{row["texels"]:,}</td><td class="number">{_short(row["density"] or 0)}</td></tr>'
+        f'<td class="number">{row["texels"]:,}</td><td class="number">{short_text(row["density"] or 0)}</td></tr>'
         for row in sorted(known["objects"], key=lambda row: -row["texels"])
     ]
     names = ("Page", "Texels", "Texels/m")
@@ -314,48 +246,3 @@ def _objects(known: dict[str, Any]) -> str:
     )
     left_out = f'<h2>Not baked</h2><div class="card"><table>{skipped}</table></div>' if skipped else ""
     return f'<section><h2>Objects</h2><div class="two">{tables}</div>{left_out}</section>\n'
-
-
-def _figure(uri: str, caption: str, kind: str = "") -> str:
-    return f'<figure class="{kind}"><img src="{uri}" alt=""><figcaption>{caption}</figcaption></figure>'
-
-
-def _legend(ticks: Sequence[tuple[float, str]], label: str) -> str:
-    return scale_legend([(float(share), text) for share, text in ticks], picture_uri(color_scale()[None]), label)
-
-
-def _lux_ends(pages: Sequence[Float32], space: RGBSpace) -> tuple[float, float]:
-    """Ends of the scale, at round numbers, between which almost all texels lie."""
-    lux = np.concatenate([illuminance(page, space).ravel() for page in pages]) if pages else np.zeros(0)
-    lit = lux[lux > 0]
-    if not len(lit):
-        return 1.0, 10.0
-    low, high = np.quantile(lit, [DARK_END, BRIGHT_END])
-    low = max(float(low), float(high) / MOST_SCALE)
-    return 10 ** (np.floor(np.log10(low) * 3) / 3), 10 ** (np.ceil(np.log10(max(high, low * 2)) * 3) / 3)
-
-
-def _decoded(map_known: dict[str, Any]) -> Float32:
-    """A map of the report as numbers (h, w) from 0 to 1, its first row on top."""
-    raw = base64.b64decode(map_known["png"].partition(",")[2])
-    return gray_pixels(raw).astype(np.float32) / np.float32(255)
-
-
-def _scaled(map_known: dict[str, Any], high: float) -> UInt8:
-    """A map in false colours whose scale ends at `high`."""
-    return false_colors(_decoded(map_known) * map_known["high"] / high, 0.0, 1.0, logarithmic=False)
-
-
-def _share(value: float | None) -> str:
-    if value is None:
-        return "unknown"
-    if value == 0:
-        return "0 %"
-    return f"{100 * value:.3g} %" if value >= 1e-3 else f"{value:.1e}".replace("e-0", "e-")
-
-
-def _short(value: float) -> str:
-    """Three digits, thousands apart."""
-    if value and not 1e-3 <= abs(value) < 1e6:
-        return f"{value:.2e}"
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 import tempfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +208,18 @@ def test_others_read_our_png_files(kind, channels, height, width) -> None:
         path = Path(folder) / "a.png"
         path.write_bytes(b"".join(png_bytes(pixels, workers=2)))
         np.testing.assert_array_equal(read_image(path)[::-1], pixels)
+
+
+@pytest.mark.parametrize("height", [1, 128, 129, 1000])
+def test_the_checksum_of_pieces_is_that_of_the_whole(height: int) -> None:
+    pixels = np.random.default_rng(height).integers(0, 255, (height, 33, 3), np.uint8)
+    stream = io.BytesIO(b"".join(png_bytes(pixels, workers=2))[8:])
+    data = b""
+    while head := stream.read(8):
+        content = stream.read(int.from_bytes(head[:4], "big"))
+        data += content if head[4:] == b"IDAT" else b""
+        stream.read(4)
+    assert len(zlib.decompress(data)) == height * (33 * 3 + 1)  # which raises where the checksum is wrong
 
 
 def chunks(file: bytes) -> dict[bytes, bytes]:

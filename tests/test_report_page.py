@@ -63,7 +63,7 @@ def write(baked: Baked, folder: Path, wanted: PageFormat | None = None, **change
     size = baked.atlas.size
     fields: dict[str, object] = {
         "pages": [Page(f"Radiosity {i + 1}", path, (size, size), seen.maps[i]) for i, path in enumerate(paths)],
-        "objects": [BakedObject("Wall <1>", "Wall", 0, 120, 16.5)],
+        "objects": [BakedObject("Wall <b>", "Wall", 0, 120, 16.5)],
         "skipped": [("Hair & co", "has no surface")],
         "stages": [(stage.name, stage.seconds, stage.rays) for stage in baked.stages],
         "seconds": 2.0,
@@ -149,7 +149,7 @@ def test_the_page_has_every_section_and_names_what_users_named_as_they_wrote_it(
         "Objects",
     ):
         assert wanted in text
-    assert "Wall <1>" in text
+    assert "Wall <b>" in text
     assert "Hair & co" in text
     assert "Lamp <Key>: negative energy" in text
 

@@ -17,7 +17,7 @@ from ..bake import Baked, bake
 from ..errors import SceneError
 from ..files import Transaction
 from ..overview import overview
-from ..page_files import page_paths, sidecar_path, write_pages, write_sidecar
+from ..page_files import PageFiles, page_paths, sidecar_path, write_pages, write_sidecar
 from ..page_format import PageFormat
 from ..report import BakedObject, Page, Report
 from ..settings import BakeSettings
@@ -31,6 +31,8 @@ READING_SHARE = 0.02
 """Share of the progress bar for reading the scene, before the core's part of it."""
 BAKING_SHARE = 0.94
 """Share for the core; writing files and materials takes the rest."""
+LEAST_TOLD = 0.001
+"""Share of texels outside of what files can hold from which on the user hears of it."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         balance=baked.balance,
         overview=seen,
         files=written,
-        warnings=[*baked.warnings, *_clamped_warnings(paths, written.clamped, wanted)],
+        warnings=[*baked.warnings, *_clamped_warnings(paths, written.clamped, wanted), *_mapped_warning(written)],
     )
 
 
@@ -161,4 +163,14 @@ def _clamped_warnings(paths: Sequence[Path], clamped: Sequence[int], wanted: Pag
         f"{path.name}: {count} values that {numbers} can't hold were clamped"
         for path, count in zip(paths, clamped, strict=True)
         if count
+    ]
+
+
+def _mapped_warning(written: PageFiles) -> list[str]:
+    if written.outside < LEAST_TOLD:
+        return []
+    recipe = written.recipe
+    holds = f"{recipe.format} in {recipe.space.name}"
+    return [
+        f"{written.outside:.1%} of the texels lay outside of what {holds} holds; intent {recipe.intent} fitted them"
     ]

@@ -68,6 +68,13 @@ def open_file(path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(path))
 
 
+def test_light_that_pictures_can_not_hold_is_told(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    words = ["--format", "png8", "--exposure", "4"]
+    assert run("bake", scene, "-o", tmp_path / "lit.blend", *FAST, *words) == 0
+    warned = capsys.readouterr().err
+    assert "of the texels lay outside of what png8 in Linear Rec.709 holds; intent relative fitted them" in warned
+
+
 def test_a_format_of_pictures_comes_with_its_recipe_and_looks_alike(scene: Path, tmp_path: Path) -> None:
     pictures = {}
     for words in (["--format", "exr"], ["--format", "rgbm"], ["--format", "png16", "--exposure", "-2"]):
