@@ -22,7 +22,7 @@ from ..lightmap import grow
 from ..shading import Layout, Quantity
 from .blend_files import silence
 from .evaluation import quiet_handlers
-from .extract import Extraction
+from .extraction import Extraction
 from .joined_mesh import LAYOUT_UV, Part, join
 from .look_materials import LookMaterials
 

@@ -4,23 +4,21 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection
 
 import bpy
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32
-from ..bounces import ENDLESS
+from ..arrays import Float32
 from ..errors import SceneError
-from ..scene import Light, Material, Mesh, Scene, World
+from ..scene import Mesh, Scene
 from .evaluation import at_render_settings
+from .extraction import Extraction, Notes, Skip, Source
 from .instances import RAYS, instance_index, is_instance, settings_of
-from .lamps import read_lamp
 from .light_linking import lit_by
-from .materials import read_material
-from .names import is_stand_in, original_material
-from .nodes import LinkCycle
+from .light_records import LightRecords
+from .material_records import MaterialRecords
+from .names import is_stand_in
 from .preflight import (
     check_can_carry,
     check_can_stand_in,
@@ -36,9 +34,8 @@ from .shared_shapes import SharedShapes
 from .spline_meshes import SplineMeshes, is_bare_tube
 from .stand_in import as_unbaked
 from .surface_answers import SurfaceAnswers
-from .surface_inputs import Asking, Input
+from .surface_inputs import Input
 from .working_space import working_space
-from .world import read_world, render_sky
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
@@ -46,59 +43,6 @@ SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 LEFT_OUT = "{} is left out: {}"
 NO_FACES = "it has no faces"
 """Said of an object unless it is there for the instances that it makes."""
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """Where an entry of Scene.meshes comes from: what has to be known to write its lightmap back.
-
-    Attributes:
-        object_name: the object; of an instance, the object that is instanced
-        library: file that the object is linked from, None for one of this file
-        mesh: index into Scene.meshes
-        own_mesh: the rendered mesh has the loops of the object's own mesh, so a uv map can be written onto that
-        materials: name of the material in each slot as rendered, "" for an empty slot
-        slot: (F,) int32, slot of each triangle, as stored (may lie beyond the slots)
-        matrix: (4, 4) world matrix of an instance, or None where the object stands itself
-        instancer: of an instance, the object of the scene that makes it, "" where the object stands itself
-        index: of an instance, which of the instancer's it is, a number for each level of instancing
-    """
-
-    object_name: str
-    mesh: int
-    own_mesh: bool
-    materials: tuple[str, ...]
-    slot: Int32
-    matrix: Float64 | None = None
-    instancer: str = ""
-    index: tuple[int, ...] = ()
-    library: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Extraction:
-    """A scene that was read.
-
-    Attributes:
-        scene: the core's records
-        sources: one for each of Scene.meshes
-        skipped: objects that get no lightmap, with the reason
-        materials: full name of each of Scene.materials, "" for the default surface
-        surfaces: by index of the mesh, what surfaces whose materials vary answer to those
-        instancers: names of the objects that make instances, and of the objects that these show
-    """
-
-    scene: Scene
-    sources: tuple[Source, ...]
-    skipped: tuple[tuple[str, str], ...]
-    materials: tuple[str, ...] = ()
-    surfaces: Mapping[int, SurfaceAnswers] = field(default_factory=dict)
-    instancers: Mapping[str, Collection[str]] = field(default_factory=dict)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What had to be approximated."""
-        return self.scene.warnings
 
 
 def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
@@ -119,13 +63,8 @@ def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -
             thing.update_from_editmode()
     with as_unbaked(scene):
         reading = at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).read_all())
-    if reading.world_to_render is not None:
-        reading.render_world(reading.world_to_render)
+    reading.lights.render_world(scene)
     return reading.extraction()
-
-
-class Skip(Exception):
-    """An object can't take part; the message is the reason."""
 
 
 class _Reading:
@@ -137,26 +76,19 @@ class _Reading:
         self.originals = scene
         self.depsgraph = depsgraph
         self.only = only
-        self.layer = depsgraph.view_layer
-        self.groups: list[tuple[str, int | None]] = [("", None)]
-        self.materials: list[Material] = []
-        self.shown: list[tuple[str, Asking | None]] = []  # full name of each record's material, what it asks for
-        self.material_index: dict[tuple[str, int], int | LinkCycle] = {}
+        self.notes = Notes()
+        self.materials = MaterialRecords(depsgraph, self.notes)
+        self.lights = LightRecords(depsgraph, self.notes)
         self.surfaces: dict[int, SurfaceAnswers] = {}
         self.answers: dict[int, dict[Input, Float32]] = {}  # of shared meshes
         self.shapes: dict[int, Shape] = {}
         self.splines = SplineMeshes(depsgraph)
         self.meshes: list[Mesh] = []
         self.sources: list[Source] = []
-        self.lights: list[Light] = []
-        self.linked: dict[int, bpy.types.Collection] = {}
         self.skipped: dict[str, str] = {}
         self.families = SharedShapes()
         self.instancers: dict[str, set[str]] = defaultdict(set)
-        self.warnings: dict[str, None] = {}
         self.triangles = 0
-        self.world = World()
-        self.world_to_render: bpy.types.World | None = None
 
     def read_all(self) -> _Reading:
         """Take in all that is rendered, but for a world that has to be rendered itself."""
@@ -170,29 +102,28 @@ class _Reading:
         self.skip_unseen(seen)
         for name in self.instancers:
             if self.skipped.get(name) == NO_FACES:
-                del self.skipped[name], self.warnings[LEFT_OUT.format(name, NO_FACES)]
+                del self.skipped[name], self.notes.warnings[LEFT_OUT.format(name, NO_FACES)]
         if not any(mesh.lightmapped for mesh in self.meshes):
             raise self.nothing_to_bake()
-        self.read_world()
+        self.lights.read_world()
         return self
 
     def extraction(self) -> Extraction:
         """The records of what was taken in."""
-        emitting = any(any(material.emission) or "emission" in material.varies for material in self.materials)
-        if not (self.lights or emitting or any(self.world.radiance) or self.world.sky):
-            self.warn("There is no light in the scene: the lightmaps will be black")
+        if self.lights.dark and not self.materials.emit:
+            self.notes.warn("There is no light in the scene: the lightmaps will be black")
         scene = Scene(
             meshes=tuple(self.meshes),
-            materials=tuple(self.materials),
-            lights=tuple(self.lights),
-            world=self.world,
-            groups=tuple(name for name, _ in self.groups),
-            receivers={index: self.receivers(linked) for index, linked in self.linked.items()},
-            bounces={index: limit for index, (_, limit) in enumerate(self.groups) if limit is not None},
+            materials=tuple(self.materials.records),
+            lights=tuple(self.lights.lamps),
+            world=self.lights.world,
+            groups=tuple(name for name, _ in self.lights.groups),
+            receivers={index: self.receivers(linked) for index, linked in self.lights.linked.items()},
+            bounces={index: limit for index, (_, limit) in enumerate(self.lights.groups) if limit is not None},
             working_space=working_space(),
-            warnings=tuple(self.warnings),
+            warnings=tuple(self.notes.warnings),
         )
-        names = tuple(name for name, _ in self.shown)
+        names = tuple(name for name, _ in self.materials.shown)
         skipped = tuple(self.skipped.items())
         return Extraction(scene, tuple(self.sources), skipped, names, self.surfaces, self.instancers)
 
@@ -229,7 +160,7 @@ class _Reading:
         if instanced:
             self.instancers[item.parent.original.name].add(thing.name)
         if thing.type == "LIGHT":
-            self.read_lamp(thing, finite_matrix(item))
+            self.lights.read_lamp(thing, finite_matrix(item))
             return
         if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, self.depsgraph):
             if thing.type in ("POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
@@ -243,7 +174,7 @@ class _Reading:
             self.read_surface(item, instanced, settings)
         except Skip as reason:
             self.skipped[thing.name] = str(reason)
-            self.warn(LEFT_OUT.format(thing.name, reason))
+            self.notes.warn(LEFT_OUT.format(thing.name, reason))
 
     def read_surface(
         self,
@@ -257,7 +188,7 @@ class _Reading:
         if splines is not None:
             mesh = splines.mesh
             for reason in splines.nets.degenerate:
-                self.warn(f"{thing.name}: a spline is left out: {reason}")
+                self.notes.warn(f"{thing.name}: a spline is left out: {reason}")
         else:
             mesh = thing.to_mesh() if thing.data.is_editmode else thing.data  # an edited mesh is evaluated on demand
         lightmapped = thing.type != "CURVES" and self.gets_lightmap(item)
@@ -281,10 +212,12 @@ class _Reading:
         if not len(shape.triangles):
             raise Skip("all its faces have no area")
         if shape.dropped:
-            self.warn(f"{thing.name}: {shape.dropped} triangles without area are left out")
+            self.notes.warn(f"{thing.name}: {shape.dropped} triangles without area are left out")
         slots = [slot.material for slot in thing.material_slots]
-        material = self.slot_materials(thing, slots)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
-        asking = [self.shown[index][1] for index in np.unique(material) if self.shown[index][1] is not None]
+        group = self.lights.group(thing.lightgroup)
+        material = self.materials.of_slots(slots, group, thing.name)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
+        asked = (self.materials.shown[index][1] for index in np.unique(material))
+        asking = [each for each in asked if each is not None]
         if asking:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
             self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
@@ -334,7 +267,7 @@ class _Reading:
             raise Skip("it is invisible to all rays")
         for name, what in (("is_shadow_catcher", "a shadow catcher"), ("is_holdout", "a holdout")):
             if getattr(thing, name):
-                self.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
+                self.notes.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
 
     def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
         name = item.object.name
@@ -357,87 +290,6 @@ class _Reading:
         if not np.isfinite(shape.vertices).all():
             raise Skip("it has vertices that are not finite numbers")
         return shape
-
-    def slot_materials(self, thing: bpy.types.Object, slots: list[bpy.types.Material | None]) -> Int32:
-        """Index into the records' materials of each slot; of the default surface where there is none."""
-        override = self.layer.material_override
-        group = self.group(thing.lightgroup)
-        chosen = [override] * max(len(slots), 1) if override else (slots or [None])
-        return np.array([self.material(material, group, thing.name) for material in chosen], np.int32)
-
-    def material(self, material: bpy.types.Material | None, group: int, user: str) -> int:
-        shown = original_material(material.original if material is not None else None)
-        key = (shown.name_full if shown is not None else "", group)
-        found = self.material_index.get(key)
-        if found is None:
-            found = self.material_index[key] = self.new_material(shown, group, user)
-        if isinstance(found, LinkCycle):
-            raise Skip(f"its material {key[0]!r} feeds back into itself")
-        return found
-
-    def new_material(self, shown: bpy.types.Material | None, group: int, user: str) -> int | LinkCycle:
-        evaluated = shown.evaluated_get(self.depsgraph) if shown is not None else None
-        name = shown.name if shown is not None else ""
-        try:
-            self.materials.append(read_material(evaluated, group, self.hears(f"Material {name!r} of {user}")))
-        except LinkCycle as cycle:
-            return cycle
-        asking = Asking.of(evaluated.node_tree) if self.materials[-1].varies else None
-        for text in asking.unanswered if asking else ():
-            self.warn(f"Material {name!r} of {user}: {text}")
-        self.shown.append((shown.name_full if shown is not None else "", asking))
-        return len(self.materials) - 1
-
-    def read_lamp(self, lamp: bpy.types.Object, matrix: Float64) -> None:
-        hears = self.hears(f"Lamp {lamp.name!r}")
-        try:
-            light = read_lamp(lamp, matrix, self.group(lamp.lightgroup, lamp.data), hears)
-        except LinkCycle:
-            hears("has a node tree that feeds back into itself, and gives no light")
-            return
-        if light is not None:
-            linked = lamp.original.light_linking.receiver_collection
-            if linked is not None:
-                self.linked[len(self.lights)] = linked
-            self.lights.append(light)
-
-    def read_world(self) -> None:
-        world = getattr(self.layer, "world_override", None) or self.depsgraph.scene_eval.world
-        if world is None:
-            return
-        hears, group = self.hears(f"World {world.name!r}"), self.group(world.lightgroup, world)
-        try:
-            found = read_world(world, group, hears)
-        except LinkCycle:
-            hears("has a node tree that feeds back into itself, and gives no light")
-            return
-        if found is None:
-            self.world, self.world_to_render = World(group=group), world.original
-        else:
-            self.world = found
-
-    def render_world(self, world: bpy.types.World) -> None:
-        """Look at a world that no reading of nodes can tell; no render may be under way."""
-        sky = render_sky(self.originals, world, self.hears(f"World {world.name!r}"))
-        self.world = replace(self.world, sky=sky)
-
-    def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:
-        """Index of a light group; names that the view layer does not know are none.
-
-        A `light` whose bounces are limited is one of a group that bounces as often.
-        """
-        limit = getattr(getattr(light, "cycles", None), "max_bounces", ENDLESS)
-        wanted = (name if name in self.layer.lightgroups else "", limit if limit < ENDLESS else None)
-        if wanted not in self.groups:
-            self.groups.append(wanted)
-        return self.groups.index(wanted)
-
-    def warn(self, text: str) -> None:
-        """Once each: every instance of an object would say the same."""
-        self.warnings[text] = None
-
-    def hears(self, subject: str) -> Callable[[str], None]:
-        return lambda text: self.warn(f"{subject}: {text}")
 
     def skip_unseen(self, seen: set[str]) -> None:
         """Say why objects that could have faces did not come up."""

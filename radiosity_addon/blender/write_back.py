@@ -22,11 +22,12 @@ from ..errors import SceneError
 from ..page_format import Recipe
 from ..sides import TURNED, backs_of
 from .evaluation import at_render_settings
-from .extract import Extraction, Source, check_can_carry
+from .extraction import Extraction, Source
 from .instance_stand_ins import Replacement, replace_instancers
 from .instances import Key
 from .names import BACK_UV_MAP, BAKE_KEY, PAGE_KEY, PLACE_KEY, SLOT_KEY, SLOTS_KEY, UV_KEY, UV_MAP, has_our_uv_map
 from .page_images import load_page
+from .preflight import check_can_carry
 from .preview_materials import PreviewMaterials
 from .revert import take_out
 from .stand_in import Common, MeshPool, as_unbaked, make_stand_in, swap_in

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from radiosity_addon.blender.evaluation import at_render_settings
-from radiosity_addon.blender.extract import Extraction, extract_scene
+from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.extraction import Extraction
 from radiosity_addon.blender.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
 from radiosity_addon.blender.stand_in import swap_in
 from radiosity_addon.errors import SceneError
