@@ -10,7 +10,7 @@ length within a bound.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,9 @@ STRETCH = 1.5
 
 MOST_PIECES = 32
 """A net that needs more pieces is no net to lay flat by rows and columns."""
+
+FEW = 6
+"""Bands with which one is content."""
 
 LONG = 2.0
 """Longest piece, as a multiple of the square root of the object's area: strips pack worse the longer they are."""
@@ -51,24 +54,25 @@ class _Piece:
     def part(self, points: Float64) -> Float64:
         return points[self.first_row : self.last_row + 1, self.first_column : self.last_column + 1]
 
-    def cut(self, points: Float64, axis: int) -> tuple[_Piece, _Piece] | None:
-        """Halves of equal length along rows (axis 0: the cut is a row) or columns; None for a single strip."""
+    def along(self, axis: int) -> tuple[int, int]:
+        """First and last row (axis 0) or column (axis 1)."""
+        return (self.first_row, self.last_row) if axis == 0 else (self.first_column, self.last_column)
+
+    def between(self, axis: int, first: int, last: int) -> _Piece:
+        """The part from one row or column to another."""
+        if axis == 0:
+            return replace(self, first_row=first, last_row=last)
+        return replace(self, first_column=first, last_column=last)
+
+    def halves(self, points: Float64, axis: int) -> tuple[_Piece, _Piece] | None:
+        """Cut where half of the length across the rows (axis 0) or columns is reached; None for a single strip."""
         steps = np.linalg.norm(np.diff(self.part(points), axis=axis), axis=2).mean(axis=1 - axis)
         if len(steps) < 2:
             return None
         length = np.cumsum(steps)
-        at = int(np.argmin(np.abs(length[:-1] - length[-1] / 2))) + 1
-        if axis == 0:
-            middle = self.first_row + at
-            return (
-                _Piece(self.first_row, middle, self.first_column, self.last_column),
-                _Piece(middle, self.last_row, self.first_column, self.last_column),
-            )
-        middle = self.first_column + at
-        return (
-            _Piece(self.first_row, self.last_row, self.first_column, middle),
-            _Piece(self.first_row, self.last_row, middle, self.last_column),
-        )
+        first, last = self.along(axis)
+        middle = first + int(np.argmin(np.abs(length[:-1] - length[-1] / 2))) + 1
+        return self.between(axis, first, middle), self.between(axis, middle, last)
 
 
 def unroll(nets: Sequence[Net], caps: Sequence[Cap], linear: Float64) -> tuple[Float64, Int64] | None:
@@ -104,47 +108,71 @@ def unroll(nets: Sequence[Net], caps: Sequence[Cap], linear: Float64) -> tuple[F
 
 
 def _pieces(points: Float64, longest: float) -> list[_Piece] | None:
-    """Pieces of a net that can be laid flat; None if they became too many."""
-    waiting = [_Piece(0, points.shape[0] - 1, 0, points.shape[1] - 1)]
-    done: list[_Piece] = []
-    while waiting:
-        piece = waiting.pop()
+    """Pieces of a net that can be laid flat, none longer in the plane than that; None if they are too many."""
+    pieces = _divided(points, _Piece(0, points.shape[0] - 1, 0, points.shape[1] - 1), MOST_PIECES)
+    if pieces is None:
+        return None
+    done = []
+    while pieces:
+        piece = pieces.pop(0)
         part = piece.part(points)
-        flat, stretch, _ = _flattened(part)
-        if stretch <= STRETCH:
-            if np.ptp(flat.reshape(-1, 2), axis=0).max() <= longest or not (halves := _halves(piece, points)):
-                done.append(piece)
-            else:
-                waiting += halves[::-1]
-            continue
-        cuts = [halves for axis in (0, 1) if (halves := piece.cut(points, axis))]
-        if not cuts:
-            done.append(piece)  # a single face: its polygon is repaired when charts are tidied
-            continue
-        waiting += min(cuts, key=lambda halves: sum(_flattened(half.part(points))[2] for half in halves))[::-1]
-        if len(done) + len(waiting) > MOST_PIECES:
-            return None
+        lengths = [float(np.linalg.norm(np.diff(part, axis=axis), axis=2).sum(axis=axis).max()) for axis in (0, 1)]
+        halves = piece.halves(points, int(lengths[1] > lengths[0]))
+        if halves and np.ptp(_flattened(part)[0].reshape(-1, 2), axis=0).max() > longest:
+            pieces[:0] = halves
+        else:
+            done.append(piece)
     return done
 
 
-def _halves(piece: _Piece, points: Float64) -> tuple[_Piece, _Piece] | None:
-    """A piece cut across its longer direction."""
+def _divided(points: Float64, piece: _Piece, most: int) -> list[_Piece] | None:
+    """The fewest of: bands of rows, bands of columns, or both halves of the piece, each divided in turn."""
+    best = None
+    for axis in (0, 1):
+        bands = _bands(points, piece, axis, most if best is None else len(best) - 1)
+        best = bands or best
+    if best is not None and len(best) <= FEW:
+        return best
+    limit = most if best is None else len(best) - 1
     part = piece.part(points)
-    lengths = [float(np.linalg.norm(np.diff(part, axis=axis), axis=2).sum(axis=axis).max()) for axis in (0, 1)]
-    return piece.cut(points, int(lengths[1] > lengths[0]))
+    lengths = [float(np.linalg.norm(np.diff(part, axis=axis), axis=2).sum(axis=axis).mean()) for axis in (0, 1)]
+    halves = piece.halves(points, int(lengths[1] > lengths[0])) or piece.halves(points, int(lengths[1] <= lengths[0]))
+    if halves is None:
+        return best or [piece]  # a single face: its polygon is repaired when charts are tidied
+    first = _divided(points, halves[0], limit - 1)
+    second = _divided(points, halves[1], limit - len(first)) if first and len(first) < limit else None
+    return first + second if first and second else best
 
 
-def _flattened(points: Float64) -> tuple[Float64, float, float]:
-    """Places (R, C, 2) of a piece (R, C, 3), and how much lengths are stretched at worst and on the mean.
+def _bands(points: Float64, piece: _Piece, axis: int, most: int) -> list[_Piece] | None:
+    """A piece as bands of rows (axis 0) or columns, each as wide as its stretch allows; None if they are too many."""
+    first, last = piece.along(axis)
+    bands: list[_Piece] = []
+    while first < last:
+        fits, fails = first, last + 1
+        while fails - fits > 1:
+            stop = fails - 1 if fails > last else (fits + fails) // 2
+            if _flattened(piece.between(axis, first, stop).part(points))[1] <= STRETCH:
+                fits = stop
+            else:
+                fails = stop
+        if fits == first or len(bands) == most:
+            return None
+        bands.append(piece.between(axis, first, fits))
+        first = fits
+    return bands
+
+
+def _flattened(points: Float64) -> tuple[Float64, float]:
+    """Places (R, C, 2) of a piece (R, C, 3), and how much lengths are stretched at worst.
 
     It is unrolled as a cone whose top lies beyond the first or last row, or beyond the first or last column.
     """
     by_rows = _as_cone(points)
     by_columns = np.swapaxes(_as_cone(np.swapaxes(points, 0, 1)), 0, 1)[..., ::-1]
-    chosen = [_evenly(size) for size in points.shape[:2]]
-    sample = points[np.ix_(*chosen)]
-    stretches = [_stretch(sample, flat[np.ix_(*chosen)]) for flat in (by_rows, by_columns)]
-    return (by_rows, *stretches[0]) if stretches[0] <= stretches[1] else (by_columns, *stretches[1])
+    chosen = np.ix_(*(_evenly(size) for size in points.shape[:2]))
+    stretches = [_stretch(points[chosen], flat[chosen]) for flat in (by_rows, by_columns)]
+    return (by_rows, stretches[0]) if stretches[0] <= stretches[1] else (by_columns, stretches[1])
 
 
 def _evenly(size: int) -> Int64:
@@ -171,8 +199,8 @@ def _as_cone(points: Float64) -> Float64:
     return np.asarray(radius[:, None, None] * around)
 
 
-def _stretch(points: Float64, flat: Float64) -> tuple[float, float]:
-    """By what factor lengths in the plane are too long or too short, areas being equal in sum: at worst, on the mean.
+def _stretch(points: Float64, flat: Float64) -> float:
+    """The largest factor by which a length in the plane is too long or too short, areas being equal in sum.
 
     From the singular values of the map of each face's two triangles (Sander et al. 2001, "Texture mapping progressive
     meshes"). Triangles that are folded over count as `FOLDED`.
@@ -185,7 +213,7 @@ def _stretch(points: Float64, flat: Float64) -> tuple[float, float]:
     real = determinant > 1e-12 * float(np.maximum(g11, g22).max(initial=0.0)) ** 2
     signed = (d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])[real]
     if not real.any() or not signed.sum():
-        return FOLDED, FOLDED
+        return FOLDED
     area = np.sqrt(determinant[real])
     scale = float(area.sum() / abs(signed.sum()))
     f11, f12, f22 = (d1 * d1).sum(1)[real], (d1 * d2).sum(1)[real], (d2 * d2).sum(1)[real]
@@ -193,8 +221,7 @@ def _stretch(points: Float64, flat: Float64) -> tuple[float, float]:
     product = signed * np.sign(signed.sum()) / area * scale
     longest = np.sqrt(trace / 2 + np.sqrt(np.maximum(trace**2 / 4 - product**2, 0.0)))
     each = np.where(product > 0, np.maximum(longest, longest / np.maximum(product, 1e-300)), FOLDED)
-    each = np.minimum(each, FOLDED)
-    return float(each.max()), float(np.average(each, weights=area))
+    return float(each.max())
 
 
 def _face_areas(points: Float64) -> Float64:

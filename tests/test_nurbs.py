@@ -141,15 +141,9 @@ def test_shading_normals_at_a_crease_are_the_mean_of_both_sides():
 
 def test_a_surface_of_100_by_100_points_becomes_a_million_triangles_within_two_seconds():
     surface = sheet(100, 100)
-    best = np.inf
-    for _ in range(3):  # the best of three: other work on the machine is not what is measured
-        begin = time.perf_counter()
-        grid_parameters(surface, 1.0)
-        u = np.linspace(0, 97, 708)
-        net = Net(surface.at(u, u), u, u, smooth_normals(surface, u, u))
-        found = patchwork([net])
-        best = min(best, time.perf_counter() - begin)
-        assert 2 * len(found.loop_start) > 999_000
-        if best < 2:
-            return
-    assert best < 2
+    begin = time.process_time()  # other work on the machine is not what is measured
+    grid_parameters(surface, 1.0)
+    u = np.linspace(0, 97, 708)
+    found = patchwork([Net(surface.at(u, u), u, u, smooth_normals(surface, u, u))])
+    assert time.process_time() - begin < 2
+    assert 2 * len(found.loop_start) > 999_000

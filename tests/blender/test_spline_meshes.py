@@ -198,6 +198,23 @@ def test_curves_that_share_their_data_share_their_mesh():
     assert np.allclose(second.vertices - first.vertices, [5, 0, 0], atol=1e-5)
 
 
+def test_instances_of_a_surface_have_light_of_their_own_and_share_its_charts():
+    thing = nurbs_sphere()
+    group = bpy.data.collections.new("Group")
+    bpy.context.scene.collection.objects.unlink(thing)
+    group.objects.link(thing)
+    for index in range(2):
+        empty = link(f"Empty {index}", None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", group
+        empty.location.x = 3 * index
+    bpy.context.view_layer.update()
+    first, second = extract_scene(bpy.context.scene).scene.meshes
+    assert first.lightmapped
+    assert second.lightmapped
+    assert first.shape == second.shape is not None
+    assert np.array_equal(first.chart, second.chart)
+
+
 def hair(strands: int = 3, length: float = 1.0, radius: float = 0.02) -> bpy.types.Object:
     data = bpy.data.hair_curves.new("Hair")
     thing = link("Hair", data)
