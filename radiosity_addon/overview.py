@@ -129,7 +129,9 @@ def overview(
         light.add(page.reshape(-1, 3), mine)
         stored = written.recipe.decode(read_image(path))
         outside = np.zeros(page.shape[:2], bool) if holds_all(wanted, working) else mapping.outside(page, workers)
-        ideal = (page.reshape(-1, 3) @ working.to(mapping.target).T.astype(np.float32)).reshape(page.shape)
+        matrix = working.to(mapping.target).T.astype(np.float32)
+        same = np.array_equal(matrix, np.eye(3))
+        ideal = page if same else (page.reshape(-1, 3) @ matrix).reshape(page.shape)
         maps.append(_maps(ideal, stored, outside, texels.area[start:stop], texels.covered[start:stop], mine))
         some = mine[:: max(1, len(texels.pixel) // SAMPLES)]
         pairs.append((page.reshape(-1, 3)[some], stored.reshape(-1, 3)[some]))

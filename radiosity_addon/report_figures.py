@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -82,7 +83,8 @@ def _page_maps(maps: dict[str, Any], coverage: Float32, highs: dict[str, float])
 
 def figure(uri: str, caption: str, kind: str = "") -> str:
     """A picture with its caption, in HTML."""
-    return f'<figure class="{kind}"><img src="{uri}" alt=""><figcaption>{caption}</figcaption></figure>'
+    words = re.sub("<[^>]*>", " ", caption).strip()
+    return f'<figure class="{kind}"><img src="{uri}" alt="{words}"><figcaption>{caption}</figcaption></figure>'
 
 
 def _legend(ticks: Sequence[tuple[float, str]], label: str) -> str:

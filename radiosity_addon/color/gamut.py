@@ -205,31 +205,36 @@ class GamutMap:
         return planes
 
     def _desaturated(self, planes: Planes) -> Planes:
-        """At each colour's hue and lightness, the highest chroma up to its own that is inside."""
+        """At each colour's hue and lightness the highest chroma, up to its own, that is inside; white has none."""
         light, a, b = self._lab(planes)
         top = np.float32(np.inf if self.peak is None else np.cbrt(self.peak))
         held = np.minimum(np.maximum(light, 0), top)
-        zero = np.zeros_like(held)
-        towards = times(_FROM_LAB, [zero, a, b])
-        # A channel at share t of the chroma is sum_i w_i (L + t p_i)^3, a cubic in t.
-        terms: list[Planes] = [
-            times(self._from_lms, [factor * p**power for p in towards])
-            for power, factor in ((1, 3 * held**2), (2, 3 * held), (3, np.ones_like(held)))
-        ]
-        grey = held**3
+        fitted = [held * held * held for _ in planes]
+        between = np.flatnonzero((held > 0) & (held < top))
+        colors = self._most_colorful(held[between], a[between], b[between])
+        for plane, inside in zip(fitted, colors, strict=True):
+            plane[between] = inside
+        return fitted
+
+    def _most_colorful(self, light: Float32, a: Float32, b: Float32) -> Planes:
+        """By bisection: a channel at share t of the chroma is sum_i w_i (L + t p_i)^3, a cubic in t."""
+        p = times(_FROM_LAB, [np.zeros_like(light), a, b])
+        grey = light * light * light
+        first = times(self._from_lms, [3 * light * light * q for q in p])
+        second = times(self._from_lms, [3 * light * q * q for q in p])
+        third = times(self._from_lms, [q * q * q for q in p])
 
         def at(share: Float32) -> Planes:
-            return [((terms[2][c] * share + terms[1][c]) * share + terms[0][c]) * share + grey for c in range(3)]
+            return [((third[c] * share + second[c]) * share + first[c]) * share + grey for c in range(3)]
 
         highest = np.float32(np.inf if self.peak is None else self.peak)
-        inside, step = zero, np.ones_like(held)
+        inside, step = np.zeros_like(light), np.float32(1)
         for _ in range(BISECTIONS):
-            step = step * np.float32(0.5)
+            step *= np.float32(0.5)
             tried = at(inside + step)
-            fits = np.ones(len(held), bool)
-            for plane in tried:
-                fits &= (plane >= 0) & (plane <= highest)
-            inside = np.where(fits, inside + step, inside)
+            low = np.minimum(np.minimum(tried[0], tried[1]), tried[2])
+            high = np.maximum(np.maximum(tried[0], tried[1]), tried[2])
+            inside += step * ((low >= 0) & (high <= highest))
         return at(inside)
 
     def _less_saturated(self, planes: Planes, extent: Extent) -> Planes:
