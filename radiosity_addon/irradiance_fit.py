@@ -26,6 +26,8 @@ OVERSHOOT = 0.3
 TEXELS = 1 << 12
 """Texels fitted in one go: their arrays, 0.3 MB each, stay in cache."""
 
+TINY = np.float32(1e-30)
+
 NOWHERE = np.float32(1e15)
 """Where padding lies, in metres: out of every reach, and its square within float32."""
 
@@ -112,7 +114,8 @@ class _Plane:
 def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64) -> Float32:
     """`fitted` (T, C), its brightness kept near that of values (cells, K, C), weights (T, K), of cells row (T,).
 
-    Brightness is the sum of all columns, so that light groups add up.
+    Brightness is the sum of all columns, so that light groups add up. Where a colour would be less than nothing, all
+    columns alike move towards the mean of the points until it is not.
     """
     bright = values.sum(2)
     low, high = bright.min(1), bright.max(1)
@@ -122,7 +125,14 @@ def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64
     fitted[lost] = np.einsum("tk,tkc->tc", share, values[row[lost]])
     total = fitted.sum(1)
     wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
-    fitted *= (wanted / np.where(total > 0, total, 1))[:, None]
+    fitted *= np.divide(wanted, total, out=np.ones_like(total), where=total > 0)[:, None]  # negative lamps: the mean
+    below = np.flatnonzero((fitted < 0).any(1))
+    if len(below):
+        share = weight[below] / weight[below].sum(1)[:, None]
+        mean = np.einsum("tk,tkc->tc", share, values[row[below]])
+        gap = np.where((fitted[below] < 0) & (mean >= 0), fitted[below] / np.minimum(fitted[below] - mean, -TINY), 0)
+        moved = fitted[below] + gap.max(1)[:, None] * (mean - fitted[below])
+        fitted[below] = np.where(mean >= 0, np.maximum(moved, 0), moved)  # what rounding leaves
     return fitted
 
 
