@@ -191,3 +191,9 @@ def test_a_million_points_take_little_time():
     first, values = basis.banded(np.linspace(0, 97, 1_000_000))
     assert values.shape == (4, 1_000_000)
     assert first.max() == 96
+
+
+def test_a_knot_is_never_repeated_more_often_than_the_degree():
+    basis = Basis(3, clamped_knots(6, 3), 6)
+    more, _ = with_knot(basis, np.zeros((1, 6)), 1.5, times=9)
+    assert np.count_nonzero(more.knots == 1.5) == 3

@@ -141,7 +141,8 @@ def curve_nets(data: bpy.types.Curve, depsgraph: bpy.types.Depsgraph, tube: floa
     ends: list[Cap] = []
     for path, material in paths:
         factor = taper(path)
-        widest = max(float(np.abs(factor(path.curve.points[:, 3], np.zeros(1))).max()), 1e-9)
+        radii = factor(path.curve.points[:, 3:4], np.linspace(0, 1, len(path.shown)))
+        widest = max(float(np.abs(radii).max()), 1e-9)
         outlines = [_tube(tube, CHORD * size)] if bare else profiles(data, depsgraph, CHORD * size / widest)
         for outline in outlines:
             profile = Profile(outline.points + np.array([data.offset, 0.0]), outline.places)
