@@ -13,8 +13,9 @@ from tests.accuracy.probes import LUMINANCE, Probes, References
 
 SAME_SIDE = 0.5
 """Least cosine between a probe's normal and its triangle's."""
-FARTHEST = 1e-4
-"""A probe may be this far from its surface, as a share of the distance between the outermost probes."""
+FARTHEST = 5e-4
+"""A probe may be this far from its surface, as a share of the distance between the outermost probes: splines that are
+evaluated more finely than Blender does lie a little aside of its triangles."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ INSET = 1e-3
 LIFT_SHARE = 2e-5
 """Height of a point above its surface, as a share of the scene's diagonal: too small to change what it sees."""
 BOUNCES = 128
-DARK_SHARE = 1e-3
+DARK_SHARE = 5e-3
 """Points below this share of the mean lie under something that stands on the surface, and are left out."""
 SAME_SIDE = 0.7
 """Least cosine between the normals of a probe and of the triangles that its footprint lies on."""

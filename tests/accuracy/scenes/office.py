@@ -63,12 +63,7 @@ def build_desks() -> None:
             30,
         ),
     ]
-    screen = mesh_object(
-        "Screen",
-        [(-0.26, -0.0165, 0.02), (0.26, -0.0165, 0.02), (0.26, -0.0165, 0.32), (-0.26, -0.0165, 0.32)],
-        [(0, 1, 2, 3)],
-        lit("Screen", (0.55, 0.75, 1.0), 6.0),
-    )
+    screen = mesh_object("Screen", *plank((0.52, 0.01, 0.3), (0, -0.013, 0.02)), lit("Screen", (0.55, 0.75, 1.0), 6.0))
     parts.append((screen, (-0.1, 0.22, 0.86), 4))
     places = [(x, y, turn) for y, turn in ((2.1, 0.0), (4.9, 180.0)) for x in (1.7, 3.9, 7.2)]
     for number, (x, y, turn) in enumerate(places, 1):
