@@ -27,6 +27,9 @@ OPPOSITE = 1e-12
 PROBE_STEP = 1 / 64
 """Share of a piece over which slopes of what has no derivative are taken."""
 
+ASKEW = 0.02
+"""Radians by which the direction given for an end may differ from the curve's own."""
+
 Twist = Literal["MINIMUM", "Z_UP"]
 """How the profile turns along the line: as little as possible, or with its y axis as upright as can be."""
 
@@ -42,6 +45,7 @@ class Line:
         progress: (T,) float64, texture coordinate, from 0; that of an open line ends at 1
         closed: the last sample is followed by the first
         ends: (2, 3) float64, directions at the ends of an open line; zero where its chords tell
+        first: the sample at which the profile of a closed line begins upright
     """
 
     points: Float64
@@ -50,6 +54,7 @@ class Line:
     progress: Float64
     closed: bool
     ends: Float64
+    first: int = -1
 
     def without_repeats(self, near: float) -> Line:
         """Less the samples from which the next differs by no more than `near` along any axis."""
@@ -62,7 +67,8 @@ class Line:
         steps = np.diff(self.progress, append=1.0) * keep  # the way from one to the other counts for nothing
         progress = np.append(0.0, np.cumsum(steps)[:-1]) / max(float(steps.sum()), 1e-300)
         values = {name: getattr(self, name)[keep] for name in ("points", "radius", "tilt")}
-        return replace(self, progress=progress[keep], **values)
+        first = int(keep[: self.first % len(keep)].sum()) % int(keep.sum())
+        return replace(self, progress=progress[keep], first=first, **values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +100,13 @@ class Path:
         """Samples at parameters (T,); those of a closed line end with that of the start, which isn't repeated."""
         values = self.curve.at(parameters)
         progress = self.progress_at(parameters)
+        first = -1
         if self.closed:
             values, progress = values[:-1], progress[:-1]
+            first = int(np.argmin(np.abs(parameters[:-1] - self.shown[-2])))  # Blender begins at its last sample
         elif self.last is not None:
             values[-1] = self.last
-        return Line(values[:, :3], values[:, 3], values[:, 4], progress, self.closed, self.ends)
+        return Line(values[:, :3], values[:, 3], values[:, 4], progress, self.closed, self.ends, first)
 
     def parameters(
         self, chord: float, reach: float, factor: Callable[[Float64, Float64], Float64], twist: Twist
@@ -134,7 +142,19 @@ class Path:
         spin = np.maximum(np.hypot(turned, rolled), opened) / TURN
         rate = np.maximum(density.rate, np.maximum(sag, spin).reshape(density.rate.shape))
         rate[self.rigid] = 0.0
-        return Density(breaks, rate).parameters(3 if self.closed else 1)
+        found = Density(breaks, rate).parameters(3 if self.closed else 1)
+        return np.union1d(found, self._special())
+
+    def _special(self) -> Float64:
+        """Parameters where Blender's own samples matter: where frames begin, and beside ends that look elsewhere.
+
+        At a floating end Blender's profile stands across the line of the control points, not across the curve.
+        """
+        if self.closed:
+            return self.shown[-2:-1]
+        _, velocity = self.curve.derivatives(self.shown[[0, -1]], 1, from_left=True)
+        off = self.ends.any(axis=1) & (_angle(self.ends, _unit(velocity[:, :3])) > ASKEW)
+        return self.shown[[1, -2]][off]
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,11 +289,10 @@ def upright_axes(direction: Float64) -> Float64:
 def _least_twisted(line: Line, direction: Float64) -> Float64:
     """Axes (T, 3) carried along without any turn about the direction (Bishop 1975).
 
-    What they turn on the way around a closed line is spread evenly over it. They begin upright, on a closed line at
-    its last sample.
+    They begin upright. What they turn on the way around a closed line is spread evenly over it.
     """
     count = len(direction)
-    order = np.roll(np.arange(count), 1) if line.closed else np.arange(count)
+    order = np.roll(np.arange(count), -line.first) if line.closed else np.arange(count)
     ahead = direction[order]
     x = np.empty_like(ahead)
     x[0] = upright_axes(ahead[:1])[0]

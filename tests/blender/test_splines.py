@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
+from radiosity_addon.blender import curves
 from radiosity_addon.blender.curves import profiles, resolution_of, surface_net, swept, taper_of
 from radiosity_addon.blender.splines import Degenerate, read_path, read_surface
 from radiosity_addon.patchwork import Net, patchwork
@@ -219,6 +220,30 @@ def test_few_points_agree_or_show_nothing():
     wrong = []
     for kind, cyclic, points in product(("NURBS", "BEZIER", "POLY"), (False, True), (2, 3)):
         wrong += differing(curve_object(kind, points, use_cyclic_u=cyclic, extrude=0.1), (kind, cyclic, points))
+    assert not wrong
+
+
+@pytest.mark.parametrize("kind", ["NURBS", "BEZIER"])
+def test_profiles_sampled_by_curvature_stand_as_blenders_do(kind):
+    wrong = []
+    for cyclic, twist, resolution, seed in product((False, True), ("MINIMUM", "Z_UP"), (12, 64), range(3)):
+        flags = {"use_cyclic_u": cyclic, "twist_mode": twist, "resolution_u": resolution}
+        thing = curve_object(kind, 6, seed, extrude=0.1, **flags)
+        for point in thing.data.splines[0].bezier_points if kind == "BEZIER" else thing.data.splines[0].points:
+            point.tilt, point.radius = 0.0, 1.0
+            if kind == "BEZIER":
+                point.handle_left_type = point.handle_right_type = "AUTO"
+        bpy.context.view_layer.update()
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        theirs, ours = curve_nets(thing)[0], curves.curve_nets(thing.evaluated_get(depsgraph).data, depsgraph).nets[0]
+        ribbons = [net.points[:, 1] - net.points[:, 0] for net in (theirs, ours)]
+        rows = [net.rows[: len(net.points)] for net in (theirs, ours)]
+        around = 1.0 if cyclic else None
+        there = np.stack([np.interp(*rows, ribbons[1][:, k], period=around) for k in range(3)], axis=1)
+        cosine = (there * ribbons[0]).sum(axis=1) / (np.linalg.norm(there, axis=1) * np.linalg.norm(ribbons[0], axis=1))
+        if np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() > 3:
+            wrong.append((cyclic, twist, resolution, seed))
+        bpy.data.objects.remove(thing)
     assert not wrong
 
 
