@@ -66,25 +66,19 @@ SCENES = {
 }
 """Page size of each: a texel is as wide as the footprint of the reference's probes."""
 WINDOW_ROOMS = ("window_room", "attic")
-BOTH = ("medium", "high")
 MISSED = {
-    **{
-        ("interior", quality): "sunlit curtains in folds light the room 5 % too much; things finer than texels"
-        for quality in BOTH
-    },
-    **{
-        ("bar", quality): "gloss is taken as diffuse: copper and brass throw light back as mirrors do"
-        for quality in BOTH
-    },
-    **{("gallery", quality): "contact of frames and walls, texels of 2.5 cm; bias 0.7 %" for quality in BOTH},
-    **{("dining", quality): "a plate's contact shadow in texels of 2.5 cm" for quality in BOTH},
+    ("interior", "medium"): "sunlit curtains in folds light the room 5 % too much; things finer than texels",
+    ("bar", "medium"): "gloss is taken as diffuse: copper and brass throw light back as mirrors do",
+    ("gallery", "medium"): "contact of frames and walls, texels of 2.5 cm; bias 0.7 %",
+    ("dining", "medium"): "a plate's contact shadow in texels of 2.5 cm",
     (
         "studio",
         "high",
     ): "light in slots of millimetres behind a canvas and a lit picture: bias 0.35 %, 99 % within 7.7 %",
     ("court", "high"): "sharp shadows of the sun, read bilinearly: 99 % within 5.1 %",
 }
-"""Scenes that do not keep the limits yet, and why: the table shows by how much."""
+"""Scenes that do not keep the limits yet, and why: the table shows by how much. Those that miss them at medium quality
+already are not baked at high quality, to save time."""
 BLENDER_5 = ("aces_box",)
 """Working spaces other than Rec.709 came with it."""
 
@@ -108,6 +102,7 @@ def leaks() -> list[np.ndarray]:
 def cases() -> list[object]:
     """Scenes and qualities, those that miss the limits marked so."""
     pairs = [(name, quality) for name in SCENES for quality in LIMITS]
+    pairs = [pair for pair in pairs if pair[1] == "medium" or (pair[0], "medium") not in MISSED]
     marks = {pair: pytest.mark.xfail(reason=reason) for pair, reason in MISSED.items()}
     return [pytest.param(*pair, marks=[marks[pair]] if pair in marks else []) for pair in pairs]
 
