@@ -24,9 +24,9 @@ sys.path.insert(0, str(ROOT))
 
 from radiosity_addon.color.spaces import REC709, REC2020, RGBSpace  # noqa: E402
 from radiosity_addon.files import Transaction  # noqa: E402
-from radiosity_addon.image import read_image  # noqa: E402
-from radiosity_addon.page_files import write_pages  # noqa: E402
-from radiosity_addon.page_format import PageFormat, Recipe  # noqa: E402
+from radiosity_addon.pages.image import read_image  # noqa: E402
+from radiosity_addon.pages.page_files import write_pages  # noqa: E402
+from radiosity_addon.pages.page_format import PageFormat, Recipe  # noqa: E402
 
 STOPS = 16
 BRIGHTEST = 16.0

@@ -25,10 +25,10 @@ import numpy as np  # noqa: E402
 
 from benchmarks.speed import machine  # noqa: E402
 from radiosity_addon.chunks import finish  # noqa: E402
-from radiosity_addon.form_factor import HemicubeRays, NusseltRays, trace_view  # noqa: E402
-from radiosity_addon.pairs import exchange_of_pairs  # noqa: E402
-from radiosity_addon.polygons import convex_polygon, polygon_light  # noqa: E402
-from radiosity_addon.visibility import Visibility  # noqa: E402
+from radiosity_addon.geometry.visibility import Visibility  # noqa: E402
+from radiosity_addon.lighting.polygons import convex_polygon, polygon_light  # noqa: E402
+from radiosity_addon.radiosity.form_factor import HemicubeRays, NusseltRays, trace_view  # noqa: E402
+from radiosity_addon.radiosity.pairs import exchange_of_pairs  # noqa: E402
 from tests.rooms import Facets, joined, rectangle  # noqa: E402
 
 CUTS = 8

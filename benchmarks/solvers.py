@@ -51,9 +51,9 @@ def captured(scene: str) -> tuple:
     """Transport, patches and exitance of a sample scene at medium quality, as its bake's solver gets them."""
     import bpy
 
-    from radiosity_addon import solvers
     from radiosity_addon.bake import bake
     from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.radiosity import solvers
     from radiosity_addon.settings import BakeSettings
 
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "sample_scenes" / f"{scene}.blend"))
@@ -77,7 +77,7 @@ def captured(scene: str) -> tuple:
 
 def run(name: str, transport, patches, exitance) -> Run:  # type: ignore[no-untyped-def]
     """Follow one solver to its tolerance, or its limit."""
-    from radiosity_addon.solvers import SOLVERS
+    from radiosity_addon.radiosity.solvers import SOLVERS
 
     start = time.perf_counter()
     work, seconds, residual = [0.0], [0.0], [1.0]
@@ -119,7 +119,7 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, default=ROOT / "out" / "solvers.png")
     options = parser.parse_args()
     options.picture.parent.mkdir(parents=True, exist_ok=True)
-    from radiosity_addon.solvers import SOLVERS
+    from radiosity_addon.radiosity.solvers import SOLVERS
 
     print(f"Rows used over patches, and seconds, until a residual of {RESIDUALS}; {machine()}")
     results: dict[str, list[Run]] = {}

@@ -10,7 +10,7 @@ from pathlib import Path
 from .color.gamut import INTENTS
 from .color.spaces import SPACES
 from .errors import OutputError, SceneError
-from .page_format import COMPRESSIONS, DEPTHS, FORMATS, TRANSFERS, PageFormat
+from .pages.page_format import COMPRESSIONS, DEPTHS, FORMATS, TRANSFERS, PageFormat
 from .settings import FORM_FACTOR_NAMES, QUALITIES, SOLVER_NAMES, BakeSettings
 
 PASS_SOLVERS = ("jacobi", "progressive")

@@ -8,38 +8,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .appearance import Appearance, appearance_of
 from .arrays import Bools, Float32, Int64
-from .bounces import clamped
+from .atlas.unwrap import Atlas, build_atlas
 from .chunks import Fractions, scaled
 from .errors import SceneError
-from .exchange import Start, exchange_light
-from .facing import looking_away
-from .gather import final_gather
-from .glow import glow_of
-from .illumination import (
+from .gather.final_gather import final_gather
+from .geometry.appearance import Appearance, appearance_of
+from .geometry.opacity import opacity_of
+from .geometry.sides import with_backs
+from .geometry.surfaces import Surfaces, flatten
+from .geometry.texels import Texels, rasterize
+from .geometry.transmittance import Transmittance, transmittance_of
+from .geometry.validity import solid_triangles, strata_inside
+from .geometry.visibility import Visibility
+from .geometry.walls import Walls, find_walls
+from .lighting.glow import glow_of
+from .lighting.lights import Lamps, direct_irradiance, lamps_of
+from .lighting.sky import sky_of
+from .pages.lightmap import compose
+from .radiosity.bounces import clamped
+from .radiosity.exchange import Start, exchange_light
+from .radiosity.facing import looking_away
+from .radiosity.illumination import (
     Illumination,
     cell_radiance,
     world_radiance,
 )
-from .lightmap import compose
-from .lights import Lamps, direct_irradiance, lamps_of
-from .opacity import opacity_of
-from .radiosity import Balance
+from .radiosity.relaxation import Balance
+from .radiosity.subdivision import patch_edges
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
-from .sides import with_backs
-from .sky import sky_of
 from .stages import Progress, Stage, StageLog
-from .subdivision import patch_edges
-from .surfaces import Surfaces, flatten
-from .texels import Texels, rasterize
-from .transmittance import Transmittance, transmittance_of
-from .unwrap import Atlas, build_atlas
-from .validity import solid_triangles, strata_inside
-from .visibility import Visibility
-from .walls import Walls, find_walls
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 from .arguments import Verb, parser, verb_of
 from .errors import BakeError, explained
 from .progress import Meter, short_count
-from .report_page import write_report_page
+from .reports.report_page import write_report_page
 
 if TYPE_CHECKING:
-    from .report import Report
+    from .reports.report import Report
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: done, an error, wrong arguments, stopped by Ctrl-C."""

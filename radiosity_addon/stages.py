@@ -8,7 +8,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from .visibility import Visibility
+from .geometry.visibility import Visibility
 
 T = TypeVar("T")
 

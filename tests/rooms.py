@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.form_factor import trace_transport
+from radiosity_addon.geometry.visibility import Hits, Visibility
+from radiosity_addon.radiosity.form_factor import trace_transport
+from radiosity_addon.radiosity.transport import Transport
 from radiosity_addon.sampling import even_uniform
 from radiosity_addon.settings import BakeSettings, Quality
-from radiosity_addon.transport import Transport
-from radiosity_addon.visibility import Hits, Visibility
 
 LIFT = np.float32(2e-5)
 

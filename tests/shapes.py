@@ -3,8 +3,8 @@
 
 import numpy as np
 
+from radiosity_addon.atlas.unwrap import Atlas
 from radiosity_addon.scene import AreaLight, Material, Mesh, Scene
-from radiosity_addon.unwrap import Atlas
 
 
 def quad(corner, edge_u, edge_v):

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from radiosity_addon.bspline import Basis, clamped_knots
-from radiosity_addon.nurbs import Curve, Surface
+from radiosity_addon.curves.bspline import Basis, clamped_knots
+from radiosity_addon.curves.nurbs import Curve, Surface
 
 HALF = np.sqrt(0.5)
 CIRCLE = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], float)

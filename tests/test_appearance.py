@@ -9,15 +9,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from radiosity_addon.appearance import Appearance, appearance_of
 from radiosity_addon.arrays import Bools, Float32
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.appearance import Appearance, appearance_of
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import Texels, rasterize
 from radiosity_addon.scene import MAX_REFLECTANCE, Material, PointLight, Scene
 from radiosity_addon.settings import BakeSettings
 from radiosity_addon.shading import Layout, Quantity
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import Texels, rasterize
 from tests.shapes import box, cell_atlas, mesh_of, quad
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -14,13 +14,13 @@ from radiosity_addon.arrays import Float32, Float64, Int32
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
+from radiosity_addon.geometry.sides import with_backs
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight, World
 from radiosity_addon.settings import BakeSettings
 from radiosity_addon.shading import Shader
-from radiosity_addon.sides import with_backs
 from radiosity_addon.stages import STAGES, Progress
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
 from tests.shapes import box, furnished_room, mesh_of, quad, sphere
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # what NumPy has to say is heard first

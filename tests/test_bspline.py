@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from radiosity_addon.bspline import (
+from radiosity_addon.curves.bspline import (
     Basis,
     bezier_pieces,
     clamped_knots,

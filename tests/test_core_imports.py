@@ -104,3 +104,16 @@ def test_core_modules_import_one_another_one_way() -> None:
         for name, path in names.items()
     }
     assert list(TopologicalSorter(graph).static_order())
+
+
+def test_rooms_import_one_way() -> None:
+    """The packages of the core, too, stand one above the other."""
+    below: dict[str, set[str]] = {}
+    for path in CORE:
+        room = path.relative_to(PACKAGE).parts[0]
+        for name in imports(path):
+            parts = name.split(".")
+            if len(parts) > 2 and (PACKAGE / parts[1]).is_dir() and (PACKAGE / room).is_dir() and parts[1] != room:
+                below.setdefault(room, set()).add(parts[1])
+    order = list(TopologicalSorter(below).static_order())
+    assert order.index("atlas") < order.index("geometry") < order.index("radiosity") < order.index("gather")

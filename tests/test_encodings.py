@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 
 from radiosity_addon.color.gamut import GamutMap
 from radiosity_addon.color.spaces import ACESCG, REC709, REC2020
-from radiosity_addon.encodings import (
+from radiosity_addon.errors import SettingsError
+from radiosity_addon.files import Transaction
+from radiosity_addon.pages.encodings import (
     RGB9E5_MAX,
     decode_rgb9e5,
     encode_rgb9e5,
@@ -24,12 +26,10 @@ from radiosity_addon.encodings import (
     encode_rgbm,
     quantize,
 )
-from radiosity_addon.errors import SettingsError
-from radiosity_addon.files import Transaction
-from radiosity_addon.image import read_image, write_exr
-from radiosity_addon.page_files import encode, page_paths, sidecar_path, write_pages, write_sidecar
-from radiosity_addon.page_format import COMPRESSIONS, FORMATS, PageFormat, Recipe
-from radiosity_addon.png import png_bytes, srgb_chunks, text_chunk
+from radiosity_addon.pages.image import read_image, write_exr
+from radiosity_addon.pages.page_files import encode, page_paths, sidecar_path, write_pages, write_sidecar
+from radiosity_addon.pages.page_format import COMPRESSIONS, FORMATS, PageFormat, Recipe
+from radiosity_addon.pages.png import png_bytes, srgb_chunks, text_chunk
 
 oiio = pytest.importorskip("OpenImageIO")
 STOPS = 16

@@ -4,15 +4,15 @@
 import numpy as np
 import pytest
 
-from radiosity_addon import form_factor, transport
 from radiosity_addon.chunks import finish
-from radiosity_addon.form_factor import HemicubeRays, ray_counts, trace_view
-from radiosity_addon.hemicube import hemicube, resolution_for
-from radiosity_addon.pairs import exchange_of_pairs
-from radiosity_addon.patches import NOTHING, SKY
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.radiosity import form_factor, transport
+from radiosity_addon.radiosity.form_factor import HemicubeRays, ray_counts, trace_view
+from radiosity_addon.radiosity.hemicube import hemicube, resolution_for
+from radiosity_addon.radiosity.pairs import exchange_of_pairs
+from radiosity_addon.radiosity.patches import NOTHING, SKY
+from radiosity_addon.radiosity.transport import Transport, View, closed, join_hits
 from radiosity_addon.sampling import cosine_directions, even_uniform
-from radiosity_addon.transport import Transport, View, closed, join_hits
-from radiosity_addon.visibility import Visibility
 from tests.rooms import Facets, box, joined, rectangle, sphere
 
 MANY = 16384

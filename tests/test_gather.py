@@ -8,22 +8,22 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from radiosity_addon import irradiance_fit
 from radiosity_addon.arrays import Float32, Int64
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import Fractions, finish
-from radiosity_addon.gather_points import GatherPoints, part_at_walls, place_points
-from radiosity_addon.gather_rays import BELOW, RayCounts, Tally
-from radiosity_addon.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
-from radiosity_addon.irradiance_fit import OVERSHOOT, fit_irradiance
-from radiosity_addon.neighbours import NEIGHBOURS, Neighbours, find_neighbours
-from radiosity_addon.patches import NOTHING
+from radiosity_addon.gather import irradiance_fit
+from radiosity_addon.gather.gather_points import GatherPoints, part_at_walls, place_points
+from radiosity_addon.gather.gather_rays import BELOW, RayCounts, Tally
+from radiosity_addon.gather.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
+from radiosity_addon.gather.irradiance_fit import OVERSHOOT, fit_irradiance
+from radiosity_addon.gather.neighbours import NEIGHBOURS, Neighbours, find_neighbours
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import Texels, rasterize
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.geometry.walls import find_walls
+from radiosity_addon.radiosity.patches import NOTHING
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import Texels, rasterize
-from radiosity_addon.visibility import Visibility
-from radiosity_addon.walls import find_walls
 from tests.shapes import box, cell_atlas, mesh_of, quad
 
 GREY = (Material("Grey"),)

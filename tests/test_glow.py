@@ -11,12 +11,12 @@ import pytest
 from radiosity_addon.arrays import Float32, Float64
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
-from radiosity_addon.glow import glow_of
-from radiosity_addon.lights import Lamps, irradiance_at, lamps_of
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.lighting.glow import glow_of
+from radiosity_addon.lighting.lights import Lamps, irradiance_at, lamps_of
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.visibility import Visibility
 from tests.painting import Painter
 from tests.shapes import box, mesh_of, quad
 

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from radiosity_addon import files as files_module
-from radiosity_addon import image
 from radiosity_addon.errors import OutputError
 from radiosity_addon.files import LOCK_NAME, Transaction, safe_stem, write_text
-from radiosity_addon.page_files import page_paths
+from radiosity_addon.pages import image
+from radiosity_addon.pages.page_files import page_paths
 
 oiio = pytest.importorskip("OpenImageIO")
 ROOT = Path(__file__).parents[1]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.lightmap import compose, push_pull
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.pages.lightmap import compose, push_pull
 from radiosity_addon.scene import Material, Scene
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
 from tests.shapes import cell_atlas, furnished_room, mesh_of, quad
 
 GREY = (Material("Grey"),)

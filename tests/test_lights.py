@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.lamp_samples import cosine_above, lattice, pixel_shifts, rows_of
-from radiosity_addon.lamps import Lamp
-from radiosity_addon.lights import Lamps, direct_irradiance, irradiance_at, lamps_of
-from radiosity_addon.polygons import cap_light
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import Texels, rasterize
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.lighting.lamp_samples import cosine_above, lattice, pixel_shifts, rows_of
+from radiosity_addon.lighting.lamps import Lamp
+from radiosity_addon.lighting.lights import Lamps, direct_irradiance, irradiance_at, lamps_of
+from radiosity_addon.lighting.polygons import cap_light
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight
 from radiosity_addon.settings import QUALITIES, BakeSettings
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import Texels, rasterize
-from radiosity_addon.visibility import Visibility
 from tests.shapes import box, cell_atlas, mesh_of, quad, sphere
 
 WHITE = (1.0, 1.0, 1.0)

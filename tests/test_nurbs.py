@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from radiosity_addon.bspline import Basis, clamped_knots
-from radiosity_addon.nurbs import Curve, Surface
-from radiosity_addon.patchwork import Net, patchwork
-from radiosity_addon.tessellation import CHORD, TURN, extent, grid_parameters, smooth_normals
+from radiosity_addon.curves.bspline import Basis, clamped_knots
+from radiosity_addon.curves.nurbs import Curve, Surface
+from radiosity_addon.curves.patchwork import Net, patchwork
+from radiosity_addon.curves.tessellation import CHORD, TURN, extent, grid_parameters, smooth_normals
 from tests.splines import circle, cone, sheet, sphere, torus
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
-from radiosity_addon.patches import NOTHING, SKY, group_patches, mixed_radix
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.geometry.walls import Walls
+from radiosity_addon.radiosity.patches import NOTHING, SKY, group_patches, mixed_radix
 from radiosity_addon.scene import Material, Scene
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
-from radiosity_addon.visibility import Visibility
-from radiosity_addon.walls import Walls
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)

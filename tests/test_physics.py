@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.radiosity.solvers import progressive
 from radiosity_addon.sampling import cosine_directions
-from radiosity_addon.solvers import progressive
-from radiosity_addon.visibility import Visibility
 from tests.rooms import Facets, box, joined, rectangle, sphere
 
 TIGHT = 1e-9

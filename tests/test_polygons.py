@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from radiosity_addon import polygons
-from radiosity_addon.polygons import cap_light, convex_polygon, ellipse, parallelogram, polygon_light
+from radiosity_addon.lighting import polygons
+from radiosity_addon.lighting.polygons import cap_light, convex_polygon, ellipse, parallelogram, polygon_light
 
 X, Y, Z = np.eye(3)
 

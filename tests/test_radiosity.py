@@ -10,8 +10,8 @@ import pytest
 
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SettingsError
-from radiosity_addon.radiosity import Refinement, Solution, SolverState
-from radiosity_addon.solvers import (
+from radiosity_addon.radiosity.relaxation import Refinement, Solution, SolverState
+from radiosity_addon.radiosity.solvers import (
     MOST_DENSE,
     SHOOTING_SHARE,
     SOLVERS,
@@ -21,7 +21,7 @@ from radiosity_addon.solvers import (
     progressive,
     southwell,
 )
-from radiosity_addon.transport import Transport
+from radiosity_addon.radiosity.transport import Transport
 from tests.rooms import box
 
 TIGHT = 1e-10

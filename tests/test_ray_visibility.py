@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.scene import Material, Mesh, PointLight, Scene, SunLight, World
-from radiosity_addon.visibility import Visibility
 from tests.shapes import box, furnished_room, mesh_of, quad
 from tests.test_bake import BLACK, WHITE, bake_of, floor, lit
 

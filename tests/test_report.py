@@ -11,10 +11,10 @@ import pytest
 
 from radiosity_addon.color.spaces import REC709
 from radiosity_addon.files import Transaction
-from radiosity_addon.page_files import PageFiles
-from radiosity_addon.page_format import Recipe
-from radiosity_addon.radiosity import Balance
-from radiosity_addon.report import BakedObject, Page, Report, thinned, write_report
+from radiosity_addon.pages.page_files import PageFiles
+from radiosity_addon.pages.page_format import Recipe
+from radiosity_addon.radiosity.relaxation import Balance
+from radiosity_addon.reports.report import BakedObject, Page, Report, thinned, write_report
 from radiosity_addon.settings import BakeSettings
 
 

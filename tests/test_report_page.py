@@ -18,10 +18,11 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.color.spaces import ACESCG, REC709
 from radiosity_addon.errors import SceneError
 from radiosity_addon.files import Transaction
-from radiosity_addon.overview import Overview, overview
-from radiosity_addon.page_files import page_paths, write_pages
-from radiosity_addon.page_format import PageFormat
-from radiosity_addon.pictures import (
+from radiosity_addon.pages.page_files import page_paths, write_pages
+from radiosity_addon.pages.page_format import PageFormat
+from radiosity_addon.pages.png import gray_pixels, png_bytes
+from radiosity_addon.reports.overview import Overview, overview
+from radiosity_addon.reports.pictures import (
     LUMENS_PER_WATT,
     as_seen,
     color_scale,
@@ -32,10 +33,9 @@ from radiosity_addon.pictures import (
     shrunk,
     tongue,
 )
-from radiosity_addon.plots import histogram, nice_numbers, residual_curve
-from radiosity_addon.png import gray_pixels, png_bytes
-from radiosity_addon.report import BakedObject, Page, Report, write_report
-from radiosity_addon.report_page import report_page
+from radiosity_addon.reports.plots import histogram, nice_numbers, residual_curve
+from radiosity_addon.reports.report import BakedObject, Page, Report, write_report
+from radiosity_addon.reports.report_page import report_page
 from radiosity_addon.settings import BakeSettings
 from tests.shapes import furnished_room
 

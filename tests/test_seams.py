@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
+from radiosity_addon.atlas.unwrap import Atlas
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.pages.seams import close_seams
 from radiosity_addon.scene import Material, Mesh, Scene
-from radiosity_addon.seams import close_seams
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
-from radiosity_addon.unwrap import Atlas
 
 SIDES, SIZE, HEIGHT = 48, 128, 2.0
 

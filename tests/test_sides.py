@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radiosity_addon.appearance import appearance_of
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.appearance import appearance_of
+from radiosity_addon.geometry.sides import seen_side, with_backs
+from radiosity_addon.geometry.surfaces import flatten, on_front
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.scene import AreaLight, Material, Mesh, PointLight, Scene, SunLight, World
-from radiosity_addon.sides import seen_side, with_backs
-from radiosity_addon.surfaces import flatten, on_front
-from radiosity_addon.texels import rasterize
-from radiosity_addon.visibility import Visibility
 from tests.painter import Painter
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 from tests.test_bake import BLACK, WHITE, floor, lit, planes

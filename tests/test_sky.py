@@ -8,10 +8,10 @@ import pytest
 
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import finish
-from radiosity_addon.lamps import sun_lamp
+from radiosity_addon.lighting.lamps import sun_lamp
+from radiosity_addon.lighting.sky import CELLS, MOST_LAMPS, Sky, cells, sky_of
 from radiosity_addon.scene import Material, Scene, SkyTile, SunLight, World
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.sky import CELLS, MOST_LAMPS, Sky, cells, sky_of
 from tests.shapes import box, mesh_of, quad
 
 TILTS = (0.0, 35.0, 90.0, 140.0, 180.0)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radiosity_addon.strands import MOST_TRIANGLES, tubes
+from radiosity_addon.curves.strands import MOST_TRIANGLES, tubes
 
 
 def straight(strands: int = 1, points: int = 3, radius: float = 0.1, length: float = 2.0):

@@ -4,13 +4,13 @@
 import numpy as np
 import pytest
 
-from radiosity_addon import exchange
 from radiosity_addon.bake import bake
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SettingsError
+from radiosity_addon.radiosity import exchange
+from radiosity_addon.radiosity.subdivision import patch_edges
 from radiosity_addon.scene import Material, PointLight, Scene
 from radiosity_addon.settings import MOST_SUBDIVISIONS, BakeSettings
-from radiosity_addon.subdivision import patch_edges
 from tests.shapes import box, mesh_of, quad, sphere
 
 GREY = (Material("Grey", (0.5,) * 3),)

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.scene import Material, Mesh, Scene
-from radiosity_addon.surfaces import flatten
 from tests.shapes import box, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)

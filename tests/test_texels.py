@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from radiosity_addon.atlas.unwrap import Atlas
 from radiosity_addon.chunks import finish
-from radiosity_addon.coverage import ScanLines, ragged
+from radiosity_addon.geometry.coverage import ScanLines, ragged
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import STRATA, rasterize
 from radiosity_addon.scene import Material, Mesh, Scene
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import STRATA, rasterize
-from radiosity_addon.unwrap import Atlas
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.transmittance import BUDGET, Transmittance, transmittance_of
+from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.microfacet import mean_pane_transmittance
 from radiosity_addon.scene import Material, Mesh, Scene
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.transmittance import BUDGET, Transmittance, transmittance_of
-from radiosity_addon.visibility import Visibility
 from tests.painter import Painter
 from tests.shapes import mesh_of, quad
 

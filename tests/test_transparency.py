@@ -11,11 +11,11 @@ import pytest
 from radiosity_addon.arrays import Float32, Float64
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.lighting.shadows import Tally
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SunLight, World
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.shadows import Tally
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
 from tests.painter import Painter
 from tests.shapes import box, mesh_of, quad
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radiosity_addon.nurbs import Surface
-from radiosity_addon.overlap import overlapping
-from radiosity_addon.patchwork import Cap, Net, patchwork
-from radiosity_addon.tessellation import CHORD, extent, grid_parameters, smooth_normals
-from radiosity_addon.unrolling import STRETCH, unroll
+from radiosity_addon.atlas.overlap import overlapping
+from radiosity_addon.curves.nurbs import Surface
+from radiosity_addon.curves.patchwork import Cap, Net, patchwork
+from radiosity_addon.curves.tessellation import CHORD, extent, grid_parameters, smooth_normals
+from radiosity_addon.curves.unrolling import STRETCH, unroll
 from tests.splines import cone, sheet, sphere, torus, vase
 
 

@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radiosity_addon import xatlas_process
-from radiosity_addon.cells import lay_cells
+from radiosity_addon.atlas import xatlas_process
+from radiosity_addon.atlas.cells import lay_cells
+from radiosity_addon.atlas.kept_uv import UvMapError
+from radiosity_addon.atlas.overlap import overlapping
+from radiosity_addon.atlas.packing import Items, fill_page
+from radiosity_addon.atlas.unwrap import Atlas, build_atlas
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import BakeError, SceneError, SettingsError
-from radiosity_addon.kept_uv import UvMapError
-from radiosity_addon.overlap import overlapping
-from radiosity_addon.packing import Items, fill_page
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.unwrap import Atlas, build_atlas
 
 FINE = 4
 """Samples along a texel where pages are checked by rasterising."""
@@ -397,7 +397,7 @@ def test_a_noisy_surface_is_unwrapped_in_seconds():
 
 
 def test_a_surface_too_rough_for_xatlas_is_unwrapped_plainly_with_a_warning(monkeypatch):
-    monkeypatch.setattr("radiosity_addon.parametrize.ROUGH_COUNT", 4000)
+    monkeypatch.setattr("radiosity_addon.atlas.parametrize.ROUGH_COUNT", 4000)
     mesh = make_grid("noise", 50, height=1.5)
     atlas = atlas_of([mesh], page_size=256)
     assert "noise: 5000 rough faces" in atlas.warnings[0]

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from radiosity_addon.chunks import finish
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.geometry.validity import solid_triangles, strata_inside
+from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.scene import AreaLight, Material, Mesh, PointLight, Scene, SunLight
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import rasterize
-from radiosity_addon.validity import solid_triangles, strata_inside
-from radiosity_addon.visibility import Visibility
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 
 GREY, GLOW = Material("Grey"), Material("Glow", emission=(1.0, 1.0, 1.0))

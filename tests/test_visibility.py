@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from radiosity_addon.visibility import Visibility
+from radiosity_addon.geometry.visibility import Visibility
 
 SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], np.float32)
 """Counter-clockwise seen from above: its front looks up."""

@@ -8,12 +8,12 @@ import pytest
 
 from radiosity_addon.arrays import Bools, Float64
 from radiosity_addon.chunks import finish
-from radiosity_addon.patches import NOTHING, Patches, group_patches
+from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.geometry.texels import Texels, rasterize
+from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.geometry.walls import Walls, find_walls, hidden, part_cells
+from radiosity_addon.radiosity.patches import NOTHING, Patches, group_patches
 from radiosity_addon.scene import Material, Mesh, Scene
-from radiosity_addon.surfaces import flatten
-from radiosity_addon.texels import Texels, rasterize
-from radiosity_addon.visibility import Visibility
-from radiosity_addon.walls import Walls, find_walls, hidden, part_cells
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)

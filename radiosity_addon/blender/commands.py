@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ..atlas.unwrap import Atlas, build_atlas
 from ..chunks import finish
 from ..errors import SceneError
 from ..files import Transaction
-from ..page_format import PageFormat
-from ..report import Report, count_of, write_report
+from ..pages.page_format import PageFormat
+from ..reports.report import Report, count_of, write_report
 from ..settings import BakeSettings
-from ..unwrap import Atlas, build_atlas
 from .blend_files import save_blend, silence
 from .extract import SURFACES, extract_scene
 from .job import Job, bake_scene

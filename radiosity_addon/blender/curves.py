@@ -14,9 +14,9 @@ import bpy
 import numpy as np
 
 from ..arrays import Float64
-from ..nurbs import Surface
-from ..patchwork import Cap, Net
-from ..sweep import (
+from ..curves.nurbs import Surface
+from ..curves.patchwork import Cap, Net
+from ..curves.sweep import (
     Line,
     Path,
     Profile,
@@ -27,7 +27,7 @@ from ..sweep import (
     steps_for,
     sweep,
 )
-from ..tessellation import CHORD, curve_density, extent, grid_parameters, smooth_normals
+from ..curves.tessellation import CHORD, curve_density, extent, grid_parameters, smooth_normals
 from .splines import Degenerate, read_path, read_surface
 
 REPEATED = 1e-6

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int64
 from ..errors import SceneError
-from ..lightmap import grow
+from ..pages.lightmap import grow
 from ..shading import Layout, Quantity
 from .blend_files import silence
 from .evaluation import quiet_handlers

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import bpy
 
 from ..arrays import Float64
-from ..encodings import LOGLUV_STOPS, UV_MAX
-from ..page_format import Recipe
+from ..pages.encodings import LOGLUV_STOPS, UV_MAX
+from ..pages.page_format import Recipe
 
 Term: TypeAlias = float | bpy.types.NodeSocket
 """A number, or an output that computes one."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, FloatProperty
 
-from ..page_format import MAX_EXPOSURE, PageFormat
+from ..pages.page_format import MAX_EXPOSURE, PageFormat
 
 
 class RadiosityFileSettings(bpy.types.PropertyGroup):

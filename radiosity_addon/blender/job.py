@@ -16,12 +16,12 @@ import bpy
 from ..bake import Baked, bake
 from ..errors import SceneError
 from ..files import Transaction
-from ..overview import overview
-from ..page_files import PageFiles, page_paths, sidecar_path, write_pages, write_sidecar
-from ..page_format import PageFormat
-from ..report import BakedObject, Page, Report
+from ..geometry.sides import backs_of
+from ..pages.page_files import PageFiles, page_paths, sidecar_path, write_pages, write_sidecar
+from ..pages.page_format import PageFormat
+from ..reports.overview import overview
+from ..reports.report import BakedObject, Page, Report
 from ..settings import BakeSettings
-from ..sides import backs_of
 from ..stages import Progress
 from .cycles_shader import CyclesShader
 from .extract import extract_scene

@@ -8,7 +8,7 @@ from dataclasses import replace
 import bpy
 
 from ..arrays import Float64
-from ..bounces import ENDLESS
+from ..radiosity.bounces import ENDLESS
 from ..scene import Light, World
 from .extraction import Notes
 from .lamps import read_lamp

@@ -15,7 +15,7 @@ from ..chunks import finish
 from ..errors import BakeError, explained
 from ..files import Transaction
 from ..progress import describe
-from ..report import Report
+from ..reports.report import Report
 from ..stages import Progress
 from .job import Job, bake_scene
 from .names import is_baked

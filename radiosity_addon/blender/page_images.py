@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ..errors import OutputError, SettingsError
-from ..page_format import PICTURES, Recipe
+from ..pages.page_format import PICTURES, Recipe
 from .decode_nodes import DecodeNodes
 from .names import BAKE_KEY, PAGE_KEY, RECIPE_KEY
 from .working_space import SAME, working_space

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import bpy
 
-from ..page_format import PICTURES
+from ..pages.page_format import PICTURES
 from .names import is_baked
 from .operators import Running
 

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32
-from ..patchwork import Patchwork, patchwork
-from ..strands import tubes
-from ..unrolling import unroll
+from ..curves.patchwork import Patchwork, patchwork
+from ..curves.strands import tubes
+from ..curves.unrolling import unroll
 from .curves import Nets, curve_nets, left_to_blender, profiles, surface_nets
 
 UV_MAP = "UVMap"

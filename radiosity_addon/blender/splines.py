@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 
 from ..arrays import Bools, Float64
-from ..bspline import Basis
-from ..nurbs import Curve, Surface
-from ..sweep import Path
+from ..curves.bspline import Basis
+from ..curves.nurbs import Curve, Surface
+from ..curves.sweep import Path
 
 CARDINAL = 0.71
 """Tension of Blender's cardinal interpolation."""

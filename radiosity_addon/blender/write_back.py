@@ -19,8 +19,8 @@ import numpy as np
 
 from ..arrays import Float32, Int32
 from ..errors import SceneError
-from ..page_format import Recipe
-from ..sides import TURNED, backs_of
+from ..geometry.sides import TURNED, backs_of
+from ..pages.page_format import Recipe
 from .evaluation import at_render_settings
 from .extraction import Extraction, Source
 from .instance_stand_ins import Replacement, replace_instancers
@@ -35,7 +35,7 @@ from .surface_inputs import OF_STAND_INS, property_of
 from .working_space import working_space
 
 if TYPE_CHECKING:
-    from ..unwrap import Atlas
+    from ..atlas.unwrap import Atlas
 
 
 @dataclass

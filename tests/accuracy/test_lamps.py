@@ -13,10 +13,10 @@ bpy = pytest.importorskip("bpy")
 from radiosity_addon.bake import bake  # noqa: E402
 from radiosity_addon.blender.extract import extract_scene  # noqa: E402
 from radiosity_addon.chunks import finish  # noqa: E402
-from radiosity_addon.lights import irradiance_at, lamps_of  # noqa: E402
+from radiosity_addon.geometry.surfaces import flatten  # noqa: E402
+from radiosity_addon.geometry.visibility import Visibility  # noqa: E402
+from radiosity_addon.lighting.lights import irradiance_at, lamps_of  # noqa: E402
 from radiosity_addon.settings import BakeSettings  # noqa: E402
-from radiosity_addon.surfaces import flatten  # noqa: E402
-from radiosity_addon.visibility import Visibility  # noqa: E402
 from tests.accuracy.comparison import page_at  # noqa: E402
 from tests.accuracy.probes import LIFT_SHARE, Probes, judge, measure, place, probe_mesh, rendered_surfaces  # noqa: E402
 from tests.blender.baked import shader  # noqa: E402

@@ -13,8 +13,8 @@ pytest.importorskip("bpy", reason="bpy renders the skies, and is not installed")
 import bpy
 
 from radiosity_addon.blender.world import render_sky
+from radiosity_addon.lighting.sky import Sky, sky_of
 from radiosity_addon.scene import World
-from radiosity_addon.sky import Sky, sky_of
 from tests.accuracy.probes import Probes, measure
 from tests.test_sky import light_of, ways
 

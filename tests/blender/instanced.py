@@ -15,7 +15,7 @@ from radiosity_addon.blender.job import Job, bake_scene
 from radiosity_addon.blender.names import UV_MAP
 from radiosity_addon.chunks import finish
 from radiosity_addon.files import Transaction
-from radiosity_addon.report import Report
+from radiosity_addon.reports.report import Report
 from radiosity_addon.settings import BakeSettings
 from tests.blender.baked import diffuse
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from radiosity_addon.blender.job import Job, bake_scene
 from radiosity_addon.files import Transaction
-from radiosity_addon.report import Report
+from radiosity_addon.reports.report import Report
 from radiosity_addon.settings import BakeSettings
 
 ENDS = ("LINEAR", "CARDINAL", "BSPLINE", "EASE")

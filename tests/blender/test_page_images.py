@@ -13,8 +13,8 @@ from radiosity_addon.blender.page_images import light_of, load_page
 from radiosity_addon.blender.working_space import working_space
 from radiosity_addon.color.spaces import ACESCG, REC709, REC2020, RGBSpace
 from radiosity_addon.files import Transaction
-from radiosity_addon.page_files import page_paths, write_pages
-from radiosity_addon.page_format import FORMATS, PageFormat
+from radiosity_addon.pages.page_files import page_paths, write_pages
+from radiosity_addon.pages.page_format import FORMATS, PageFormat
 
 SIZE = 16
 WORKING = {"Linear Rec.709": REC709, "Linear Rec.2020": REC2020, "ACEScg": ACESCG}

@@ -12,8 +12,8 @@ import pytest
 
 from radiosity_addon.blender import world
 from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.lighting.sky import sky_of
 from radiosity_addon.scene import Scene, SkyTile, World
-from radiosity_addon.sky import sky_of
 from tests.blender.datablocks import snapshot
 
 SKY = "NISHITA" if bpy.app.version < (5, 0) else "MULTIPLE_SCATTERING"

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The final gather: from the patches' solution to smooth indirect irradiance at every texel.
+
+Rays from sparse points read the light that texels send out: direct light sharp, indirect light from the patches.
+The rays are kept; a second pass over the same hits reads the indirect light of the first, which removes the patches'
+steps from corners. All light groups and channels are further columns of the same sums.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Bools, Float32
+from ..chunks import Fractions, scaled
+from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from ..radiosity.illumination import Illumination
+from ..radiosity.patches import Patches
+from ..settings import BakeSettings
+from .gather_points import coarsest_width, part_at_walls, place_points
+from .gather_rays import GatherRays
+from .irradiance_fit import fit_irradiance
+from .neighbours import find_neighbours
+
+
+def final_gather(
+    texels: Texels,
+    patches: Patches,
+    light: Illumination,
+    wanted: Bools,
+    visibility: Visibility,
+    settings: BakeSettings,
+) -> Fractions[Float32]:
+    """Indirect irradiance, W/m2, (T, G, 3) float32, at the texels `wanted` (T,)."""
+    steps, workers = settings.steps, settings.workers
+    lit = wanted & texels.valid
+    extent = float(texels.area[lit].sum(dtype=np.float64))
+    texel_width = float(np.sqrt(extent / max(1, int(np.count_nonzero(lit & (texels.area > 0)))))) or 1.0
+    aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
+    base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
+    bright = light.radiance(len(light.passes) - 1, patches)
+    rays = GatherRays(texels, patches, visibility, settings, bright.sum(1))
+    points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
+    points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
+    tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
+    del bright
+    irradiance = np.zeros((points.count, 0), np.float32)
+    for number in range(len(light.passes)):
+        table = light.radiance(number, patches, irradiance if number else None, points.cell)
+        low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
+        irradiance = yield from scaled(tally.sum(table, workers), low, high)
+    del table, tally
+    neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
+    fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)
+    return fitted.reshape(texels.count, -1, 3)

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the final gather looks: one texel in each cell of a grid that is finer where surfaces are near.
+
+Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988), so
+a cell is split while it is wide against the harmonic mean distance seen from its point, or its normals differ.
+Cells are world-space ones: charts of one surface share them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Int32, Int64
+from ..chunks import Fractions, scaled
+from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from ..geometry.walls import Walls, part_cells
+from ..radiosity.patches import mixed_radix
+
+LEVELS = 6
+"""Widths halve from level to level."""
+
+FINE_LEVEL = 2
+"""From this level on points are close together, share their rays through the fit, and get fewer each."""
+
+SPLIT_SHARE = 0.35
+"""A cell is split while it is wider than this share of the harmonic mean distance from its point."""
+
+SPLIT_BEND = 0.02
+"""A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
+
+FINEST = 2.6
+"""The narrowest cells are so many texels wide."""
+
+SMALLEST = 5
+"""Cells of no more texels than this are not split."""
+
+FACINGS = 2.0
+"""Normals times this, rounded, are their facing: both flanks of a fold differ in at least one number."""
+
+DARK = 1e-3
+"""A cell whose point receives less than this share of the mean over all points may be hidden."""
+
+HIDDEN = 0.5
+"""It is, and is not split, if nowhere in it is the way up clear for this share of its width: a floor under boards."""
+
+LAYER = 0.2
+"""Texels of a cell that lie this share of its width off its mean plane are a cell of their own: folds, thin sheets."""
+
+THINNEST = 0.75
+"""Layers are not thinner than this many texels."""
+
+
+@dataclass(frozen=True, eq=False)
+class GatherPoints:
+    """P points and the cells that they stand for.
+
+    Attributes:
+        texel: (P,) int64, the texel each stands at
+        width: (P,) float32, m, of its cell
+        nearest: (P,) float32, m, to the nearest surface seen
+        cell: (T,) int32, point of the cell that a texel lies in, -1 for texels without light
+    """
+
+    texel: Int64
+    width: Float32
+    nearest: Float32
+    cell: Int32
+
+    @property
+    def count(self) -> int:
+        return len(self.texel)
+
+
+class Eyes(Protocol):
+    """What looks around from texels (Q,)."""
+
+    def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
+        """Harmonic mean and least distance, m, of what is seen, and light received; all (Q,).
+
+        Points that are `fine` (Q,), the last ones, need not look as hard as the others.
+        """
+
+    def clearance(self, chosen: Int64) -> Fractions[Float32]:
+        """Distance (Q,), m, to the next surface along the normal."""
+
+
+def coarsest_width(wanted: float, texel_width: float) -> float:
+    """The width next to `wanted` from which halving leads to the narrowest cells."""
+    finest = FINEST * texel_width
+    return float(finest * 2.0 ** max(0, round(np.log2(wanted / finest))))
+
+
+def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
+    """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
+    facing = np.rint(texels.shading_normal[chosen] * np.float32(FACINGS)).astype(np.int64)
+    cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
+    return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], *facing.T, *cell.T)
+
+
+def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes) -> Fractions[GatherPoints]:
+    """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide."""
+    cell = np.full(texels.count, -1, np.int32)
+    at_texel = np.full(texels.count, -1, np.int32)
+    places: list[Int64] = []
+    widths = harmonic = nearest = light = np.zeros(0, np.float32)
+    open_texels = np.flatnonzero(lit)
+    for level in range(LEVELS):
+        if not len(open_texels):
+            break
+        width = base / 2**level
+        last = level == LEVELS - 1 or width < 1.5 * FINEST * texel_width
+        cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width))
+        members, begin, size = cells.members, cells.begin, cells.size
+        point = np.maximum.reduceat(at_texel[members], begin)
+        new = np.flatnonzero(point < 0)
+        fine = np.full(len(new), level >= FINE_LEVEL)
+        fresh = members[begin[new] + size[new] // 2]
+        point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
+        at_texel[fresh] = point[new]
+        seen = yield from scaled(eyes.look(fresh, fine), level / LEVELS, (level + 1) / LEVELS)
+        harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
+        widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
+        places.append(fresh)
+        widths[point] = width
+        cell[members] = np.repeat(point, size)
+        if last:
+            break
+        narrow = width > SPLIT_SHARE * harmonic[point]
+        split = (narrow | cells.bent) & (size > SMALLEST)
+        dark = split & (light[point] <= DARK * light.mean())
+        if dark.any():
+            asked = np.flatnonzero(np.repeat(dark, size))
+            clear = np.zeros(len(members), np.float32)
+            clear[asked] = yield from scaled(eyes.clearance(members[asked]), (level + 1) / LEVELS, (level + 1) / LEVELS)
+            split &= ~dark | (np.maximum.reduceat(clear, begin) > HIDDEN * width)
+        open_texels = np.sort(members[np.repeat(split, size)])
+    texel = np.concatenate(places) if places else np.zeros(0, np.int64)
+    return GatherPoints(texel, widths.astype(np.float32), nearest.astype(np.float32), cell)
+
+
+def part_at_walls(
+    points: GatherPoints, texels: Texels, walls: Walls, eyes: Eyes, visibility: Visibility, workers: int
+) -> Fractions[GatherPoints]:
+    """Give the texels of each cell that its point can't see a point of their own."""
+    parting = part_cells(points.cell, points.texel, walls.border, texels, visibility, workers)
+    cell, seat = yield from scaled(parting, 0, 0.5)
+    new = seat[points.count :]
+    width = points.width[points.cell[new]]
+    _, nearest, _ = yield from scaled(eyes.look(new, np.ones(len(new), bool)), 0.5, 1)
+    return GatherPoints(seat, np.concatenate([points.width, width]), np.concatenate([points.nearest, nearest]), cell)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """C cells: texels `members`, those of cell i from begin[i], size[i] of them; `bent` if their normals differ."""
+
+    members: Int64
+    begin: Int64
+    size: Int64
+    bent: Bools
+
+
+def _cells(texels: Texels, chosen: Int64, width: float, thickness: float) -> _Cells:
+    members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
+    owner = np.repeat(np.arange(len(begin)), size)
+    share = (1 / size[:, None]).astype(np.float32)
+    normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
+    position = texels.position[members]
+    centre = np.add.reduceat(position, begin, axis=0) * share
+    height = np.einsum("ij,ij->i", position - centre[owner], normal[owner])
+    layer = np.rint(height / np.float32(thickness)).astype(np.int64)
+    if layer.any():
+        members, begin, size = _grouped(members, mixed_radix(owner, layer))
+        share = (1 / size[:, None]).astype(np.float32)
+        normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
+    return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - SPLIT_BEND)
+
+
+def _grouped(chosen: Int64, keys: Int64) -> tuple[Int64, Int64, Int64]:
+    order = np.argsort(keys, kind="stable")
+    begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+    return chosen[order], begin, np.diff(np.append(begin, len(order)))

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rays of the final gather: stratified pilots first, then guided ones, and what each ray counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Float16, Float32, Int32, Int64
+from ..chunks import Fractions, in_chunks, scaled
+from ..geometry.texels import STRATA, Texels
+from ..geometry.visibility import Hits, Visibility, passing_chance
+from ..lighting.sky import cells
+from ..radiosity.illumination import SPECIAL_ROWS
+from ..radiosity.patches import NOTHING, SKY, Patches
+from ..sampling import cosine_directions, even_uniform
+from ..settings import BakeSettings
+from .gather_points import GatherPoints, cell_keys
+from .guiding import direction_bins, directions_in, draw_bins, pool
+
+BELOW = -3
+"""A direction below the horizon: it counts, and brings nothing."""
+
+RAYS = 1 << 15
+"""Rays traced at once."""
+
+FINE_PART = 2
+"""Points close together send one ray of so many: the fit joins the rays of several."""
+
+PILOT_SHARE = 0.75
+"""Of the rays of a point; they also serve where nothing outshines the rest."""
+
+POOL_WIDTH = 4.0
+"""Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
+
+JITTER_DIMENSIONS = (4, 5)
+
+
+@dataclass(frozen=True)
+class RayCounts:
+    """Rays of a point: pilots and guided ones. A `fine` point, close to others, sends only part of them."""
+
+    pilots: int
+    guided: int
+
+    def sent(self, fine: bool) -> tuple[int, int]:
+        """Pilots and guided rays of a point."""
+        part = FINE_PART if fine else 1
+        return -(-self.pilots // part), -(-self.guided // part)
+
+    def columns(self, fine: bool) -> Int64:
+        """Where the rays of a point stand in a row that has room for all: pilots first."""
+        pilots, guided = self.sent(fine)
+        return np.concatenate([np.arange(pilots), self.pilots + np.arange(guided)])
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """What the rays of P points met, and their weights.
+
+    Attributes:
+        elements: (P, R) int32, the element that each ray met, pilots first
+        weights: (P, R) float32: irradiance is the weighted sum of the elements' radiances; a row sums to pi on average
+        counts: of rays in a row
+        fine: (P,) bool, points that sent only part of them
+        tints: (P, R, 3) float16, what colours the light on the way of a ray; None: nothing
+    """
+
+    elements: Int32
+    weights: Float32
+    counts: RayCounts
+    fine: Bools
+    tints: Float16 | None = None
+
+    def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
+        """Irradiance (P, C), W/m2, under radiances `table` (elements, C).
+
+        The weights should add up to pi and do so only on average, and rays that met nothing that takes part are
+        missing. What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact
+        where all is equally bright, harmless where a small window outshines the rest.
+        """
+        total: Float32 = np.empty((len(self.elements), table.shape[1]), np.float32)
+        for fine in (False, True):
+            rows = np.flatnonzero(self.fine == fine)
+            columns, pilots = self.counts.columns(fine), self.counts.sent(fine)[0]
+
+            def work(start: int, stop: int, rows: Int64 = rows, columns: Int64 = columns, pilots: int = pilots) -> None:
+                chosen = rows[start:stop, None]
+                element = self.elements[chosen, columns]
+                met = element != NOTHING
+                weight = self.weights[chosen, columns] * met
+                radiance = table[element]
+                if self.tints is not None:
+                    colors = radiance.reshape(*element.shape, -1, 3)
+                    colors *= self.tints[chosen, columns][:, :, None]
+                # which rays are dim is decided by all channels and light groups at once, so that groups add up
+                bright = radiance[:, :pilots].sum(2)
+                count = np.maximum(met[:, :pilots].sum(1), 1)[:, None]
+                level = bright.sum(1)[:, None] / count
+                kept = np.minimum(level / np.maximum(bright, np.float32(1e-30)), 1) / count
+                dim = np.einsum("pr,prc->pc", kept, radiance[:, :pilots])
+                light = np.einsum("pr,prc->pc", weight, radiance)
+                total[rows[start:stop]] = light + dim * (np.float32(np.pi) - weight.sum(1))[:, None]
+
+            steps = in_chunks(work, len(rows), max(1, RAYS // len(columns)), workers)
+            yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
+        return total
+
+
+class GatherRays:
+    """Traces the rays of gather points, chosen bit by bit."""
+
+    def __init__(
+        self, texels: Texels, patches: Patches, visibility: Visibility, settings: BakeSettings, bright: Float32
+    ) -> None:
+        self._texels, self._patches, self._visibility = texels, patches, visibility
+        self._workers = settings.workers
+        pilots = round(settings.steps.gather_rays * PILOT_SHARE)
+        self._counts = RayCounts(pilots, settings.steps.gather_rays - pilots)
+        self._bright = bright
+        self._cells = len(bright) > texels.count + patches.count + SPECIAL_ROWS
+        self._elements: list[Int32] = []
+        self._bins: list[NDArray[np.uint16]] = []
+        self._fine: list[Bools] = []
+        self._tints: list[Float16] = []
+        self._tinted = visibility.channels > 1
+
+    def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
+        """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
+
+        The points that are `fine`, the last ones, send fewer rays; what is not sent counts nothing.
+        """
+        elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
+        bins = np.zeros(elements.shape, np.uint16)
+        tints = np.ones((*elements.shape, 3) if self._tinted else 0, np.float16)
+        harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
+
+        def trace(first: int, last: int, pilots: int) -> Fractions[list[None]]:
+            def work(start: int, stop: int) -> None:
+                part = slice(first + start, first + stop)
+                rows = np.repeat(np.arange(stop - start), pilots)
+                texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
+                u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
+                directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
+                element, hits = self._trace(texel, rows, column, directions)
+                if hits.tint is not None:
+                    tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
+                inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
+                elements[part, :pilots] = element.reshape(-1, pilots)
+                bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
+                harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
+                light[part] = self._bright[elements[part, :pilots]].mean(1)
+
+            return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
+
+        coarse = len(chosen) - int(np.count_nonzero(fine))
+        share = coarse / max(1, len(chosen))
+        yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
+        yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
+        self._elements.append(elements)
+        self._bins.append(bins)
+        self._fine.append(fine)
+        self._tints.append(tints)
+        return harmonic, nearest, light
+
+    def clearance(self, chosen: Int64) -> Fractions[Float32]:
+        """Distance (Q,), m, from texels to the next surface along the normal."""
+        distance = np.empty(len(chosen), np.float32)
+
+        def work(start: int, stop: int) -> None:
+            texel = chosen[start:stop]
+            origins = self._texels.origins(texel, np.zeros(len(texel), np.int64))
+            distance[start:stop] = self._visibility.first_hit(origins, self._texels.normal[texel]).distance
+
+        yield from in_chunks(work, len(chosen), RAYS, self._workers)
+        return distance
+
+    def _trace(self, texel: Int64, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Hits]:
+        """Elements (R,) and hits of rays from texels (Q,), ray r from texel[rows[r]], spread over its strata."""
+        texels = self._texels
+        strata = texels.origins(np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel)))
+        chance = passing_chance(self._visibility, texel[rows], sample)
+        hits = self._visibility.first_hit(strata[rows * STRATA + (sample & (STRATA - 1))], directions, chance)
+        element = self._patches.elements(hits)
+        if self._cells:
+            left = np.flatnonzero(element == SKY)
+            element[left] = cells(directions[left]) + np.int32(texels.count + self._patches.count)
+        shading, geometric = texels.shading_normal[texel], texels.normal[texel]
+        tilted = np.einsum("ij,ij->i", shading, geometric) < 1 - 1e-6
+        if tilted.any():
+            ray = np.flatnonzero(tilted[rows])
+            ray = ray[np.einsum("ij,ij->i", directions[ray], geometric[rows[ray]]) <= 0]
+            element[ray] = BELOW
+        return element, hits
+
+    def tally(self, points: GatherPoints, base: float) -> Fractions[Tally]:
+        """Trace the guided rays of all points looked at, and weigh all rays."""
+        pilots, guided = self._counts.sent(False)
+        elements = np.full((points.count, pilots + guided), BELOW, np.int32)
+        elements[:, :pilots] = np.concatenate(self._elements or [elements[:0, :pilots]])
+        bins = np.concatenate(self._bins or [np.zeros((0, pilots), np.uint16)])
+        fine = np.concatenate(self._fine or [np.zeros(0, bool)])
+        tints = None
+        if self._tinted:
+            tints = np.ones((*elements.shape, 3), np.float16)
+            tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
+        self._elements, self._bins, self._fine, self._tints = [], [], [], []
+        weights = np.zeros(elements.shape, np.float32)
+        keys = cell_keys(self._texels, points.texel, base * POOL_WIDTH)
+        order = np.argsort(keys, kind="stable")
+        begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)])
+        # chunks end with a pool, so that no histogram is needed twice
+        wanted = np.arange(0, points.count, max(1, RAYS // guided))
+        cuts = np.append(begin[np.unique(np.searchsorted(begin, wanted))[:-1]] if len(begin) else begin, points.count)
+        cuts = np.unique(np.concatenate([[0], cuts]))
+
+        def work(start: int, stop: int) -> None:
+            low, high = int(cuts[start]), int(cuts[stop])
+            mine = order[low:high]
+            pools = np.searchsorted(begin, np.arange(low, high), side="right") - 1
+            rank = np.arange(low, high) - begin[pools]
+            # Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped
+            # to fill would count too little (4 % of the light was missing so).
+            fold = 2 * (pools - pools[0]) + rank % 2
+            light = self._bright[elements[mine, :pilots]].reshape(-1)  # rays not sent met nothing bright
+            into = bins[mine].reshape(-1).astype(np.int64)
+            density = pool(np.repeat(fold ^ 1, pilots), int(fold.max()) + 2, into, light)
+            for some in (False, True):
+                here = np.flatnonzero(fine[mine] == some)
+                points_here = mine[here]
+                few, rest = self._counts.sent(some)
+                cosine = self._pilot_cosines(points.texel[points_here], few)
+                seen = density[fold[here, None], bins[points_here, :few]]
+                weights[points_here, :few] = _balance(cosine, seen, few, rest)
+                drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
+                lit = density.any(1)[fold[here]]
+                element, cosine, tint = self._guide(points.texel[points_here], drawn, lit)
+                elements[points_here, pilots : pilots + rest] = element
+                if tints is not None and tint is not None:
+                    tints[points_here, pilots : pilots + rest] = tint
+                seen = density[fold[here, None], drawn]
+                weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
+
+        yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
+        return Tally(elements, weights, self._counts, fine, tints)
+
+    def _pilot_cosines(self, texel: Int64, pilots: int) -> Float32:
+        """Cosines (Q, pilots) of pilot rays with their shading normals."""
+        u = even_uniform(np.repeat(texel, pilots), np.tile(np.arange(pilots), len(texel)), 0)
+        return np.asarray(np.sqrt(1 - u).reshape(-1, pilots), np.float32)
+
+    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None]:
+        """Elements, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
+
+        Args:
+            lit: (Q,) bool, texels whose bins were drawn from light; no others send rays
+        """
+        guided = drawn.shape[1]
+        rows = np.repeat(np.arange(len(texel)), guided)
+        sample = np.tile(np.arange(guided), len(texel))
+        u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
+        directions = directions_in(drawn.reshape(-1), u, v)
+        cosine = np.einsum("ij,ij->i", directions, self._texels.shading_normal[texel][rows])
+        cosine[~lit[rows]] = 0
+        np.maximum(cosine, 0, out=cosine)
+        sent = np.flatnonzero(cosine)
+        element = np.full(len(rows), BELOW, np.int32)
+        element[sent], hits = self._trace(texel, rows[sent], sample[sent], directions[sent])
+        tint = None
+        if hits.tint is not None:
+            tint = np.ones((len(rows), 3), np.float32)
+            tint[sent] = hits.tint
+            tint = tint.reshape(*drawn.shape, 3)
+        return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint
+
+
+def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:
+    """Cosine over the summed densities of both kinds of rays sent: the balance heuristic's weight."""
+    total = np.float32(pilots / np.pi) * cosine
+    total += np.float32(guided) * density
+    total += np.float32(1e-9)
+    weight: Float32 = np.divide(cosine, total, out=total)
+    return weight

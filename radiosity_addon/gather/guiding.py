@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where gather rays go: half over the cosine lobe, half towards what a pilot found bright.
+
+A pilot of stratified cosine rays is pooled over the gather points of a neighbourhood into a histogram of incoming
+light over world directions. The other half of the rays is drawn from that histogram, and both halves are combined
+by the balance heuristic (Veach and Guibas 1995, equation 9 with exponent 1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Float32, Int64
+from ..sampling import hash_uniform
+
+HEIGHTS = 16
+TURNS = 32
+BINS = HEIGHTS * TURNS
+"""Bins of equal solid angle: equal steps in z and in angle about z (Archimedes)."""
+
+BIN_DENSITY = BINS / (4 * np.pi)
+"""Density of one sample spread evenly over one bin, 1/sr."""
+
+SPREAD = 0.15
+"""Share of each bin's light given to its neighbours: the next point sees the same window from a little aside."""
+
+
+def direction_bins(directions: Float32) -> Int64:
+    """The bin (R,) of unit directions (R, 3)."""
+    height = ((directions[:, 2] + 1) * np.float32(HEIGHTS / 2)).astype(np.int32)
+    turn = np.arctan2(directions[:, 1], directions[:, 0])
+    turn *= np.float32(TURNS / (2 * np.pi))
+    turn += np.float32(TURNS / 2)
+    return np.minimum(height, HEIGHTS - 1).astype(np.int64) * TURNS + np.minimum(turn.astype(np.int32), TURNS - 1)
+
+
+def pool(groups: Int64, count: int, bins: Int64, light: Float32) -> Float32:
+    """Density of each bin (count, BINS) in 1/sr from pilot rays (R,) of groups; rows integrate to 1 (0 if dark)."""
+    seen = np.bincount(groups * BINS + bins, weights=light, minlength=count * BINS).reshape(count, HEIGHTS, TURNS)
+    wide = (1 - SPREAD) * seen
+    wide += SPREAD / 4 * (np.roll(seen, 1, axis=2) + np.roll(seen, -1, axis=2))
+    wide[:, 1:] += SPREAD / 4 * seen[:, :-1]
+    wide[:, :-1] += SPREAD / 4 * seen[:, 1:]
+    flat = wide.reshape(count, BINS)
+    total = flat.sum(1, keepdims=True)
+    return (flat / np.where(total > 0, total, 1) * BIN_DENSITY).astype(np.float32)
+
+
+def draw_bins(density: Float32, samples: int, first: int) -> Int64:
+    """Bins (groups, samples) drawn in proportion to each row's density by one systematic sweep; dark rows: any.
+
+    Row i draws the random numbers of row `first` + i of all.
+    """
+    edges = np.cumsum(density.astype(np.float64) / BIN_DENSITY, axis=1)
+    rows = np.arange(len(density))
+    start = hash_uniform(rows + first, 11).astype(np.float64)[:, None]
+    places = (start + np.arange(samples)) / samples * edges[:, -1:]
+    shifted = edges + 2.0 * rows[:, None]  # every row above the last, so that one search serves all
+    found = np.searchsorted(shifted.reshape(-1), (places + 2.0 * rows[:, None]).reshape(-1), side="right")
+    bins = found.reshape(places.shape) - rows[:, None] * BINS
+    within: Int64 = np.clip(bins, 0, BINS - 1)
+    return within
+
+
+def directions_in(bins: Int64, u: Float32, v: Float32) -> Float32:
+    """Unit directions (R, 3) at u, v in [0, 1) within bins (R,)."""
+    z = ((bins // TURNS).astype(np.float32) + u) * np.float32(2 / HEIGHTS) - 1
+    turn = ((bins % TURNS).astype(np.float32) + v) * np.float32(2 * np.pi / TURNS) - np.float32(np.pi)
+    radius = np.sqrt(np.maximum(1 - z * z, 0))
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From gather points to every texel: a first-order least-squares fit in world space over the points nearby.
+
+Each point counts within a reach in proportion to the cells around, so the fit is fine where points are dense. Points
+that a texel can't see across the surface are left out: light does not leak under a wall.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Float32, Int32, Int64
+from ..chunks import Fractions, in_chunks
+from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from ..geometry.walls import hidden
+from .gather_points import GatherPoints
+from .neighbours import GROWTH, REACH, Neighbours
+
+SLOPE_DAMPING = 0.01
+"""Added to the normalised second moments: slopes fade out where points are too few to tell them."""
+
+OVERSHOOT = 0.3
+"""A fitted value may leave the range of its points by this share of the range."""
+
+TEXELS = 1 << 12
+"""Texels fitted in one go: their arrays, 0.3 MB each, stay in cache."""
+
+TINY = np.float32(1e-30)
+
+NOWHERE = np.float32(1e15)
+"""Where padding lies, in metres: out of every reach, and its square within float32."""
+
+
+def fit_irradiance(
+    texels: Texels,
+    points: GatherPoints,
+    neighbours: Neighbours,
+    irradiance: Float32,
+    visibility: Visibility,
+    workers: int,
+) -> Fractions[Float32]:
+    """Irradiance (T, C) at every texel from that at the points (P, C); 0 where there is none.
+
+    In the tangent plane of each cell the points' values are fitted, for each texel anew, by a plane with weights
+    (1 - d^2 / r^2)^2 (compact support, so no step shows where a point comes in); the plane's value at the texel is
+    taken.
+    """
+    taking = np.flatnonzero(points.cell >= 0)
+    cell_of = points.cell[taking]
+    order = np.lexsort((cell_of, neighbours.count[cell_of]))  # rows of one chunk are about equally long
+    taking, cell_of = taking[order], cell_of[order]
+    result: Float32 = np.zeros((texels.count, irradiance.shape[1]), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        texel = taking[start:stop]
+        cells, row = np.unique(cell_of[start:stop], return_inverse=True)
+        plane = _Plane(cells, texels, points, neighbours)
+        x, y = plane.project(texels.position[texel], row)
+        weight, reach = _weights(x, y, plane.width[row])
+        crowded = np.flatnonzero(neighbours.crowded[cells][row])
+        if len(crowded):
+            clear = np.minimum(neighbours.clear[cells, None], neighbours.clear[plane.point])
+            _leave_out_hidden(weight, crowded, texels, texel, plane.texel[row], clear[row], visibility)
+        lonely = weight.sum(1) <= 0
+        weight[lonely, 0] = 1
+        values = irradiance[plane.point]
+        fitted = _fit(weight, x, y, reach, values, row)
+        result[texel] = _kept_in_range(fitted, weight, values, row)
+
+    yield from in_chunks(work, len(taking), TEXELS, workers)
+    return result
+
+
+class _Plane:
+    """Tangent planes of cells (C,) and where their neighbours (C, K) lie in them.
+
+    Attributes:
+        point: (C, K) the neighbours, padded with the cell's own point
+        texel: (C, K) the texels they stand at
+        width: (C, K) float32, m, of their cells; huge for padding
+    """
+
+    def __init__(self, cells: Int32 | Int64, texels: Texels, points: GatherPoints, neighbours: Neighbours) -> None:
+        count = neighbours.count[cells]
+        most = int(count.max(initial=1))
+        self.point = neighbours.point[cells, :most]
+        self.texel = points.texel[self.point]
+        self.width = points.width[self.point]
+        normal = texels.shading_normal[points.texel[cells]]
+        self._origin = texels.position[points.texel[cells]]
+        # Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3
+        sign = np.copysign(np.float32(1), normal[:, 2])
+        a = -1 / (sign + normal[:, 2])
+        b = normal[:, 0] * normal[:, 1] * a
+        self._tangent = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
+        self._other = np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
+        gap = texels.position[self.texel] - self._origin[:, None]
+        self._x = np.einsum("ckx,cx->ck", gap, self._tangent)
+        self._y = np.einsum("ckx,cx->ck", gap, self._other)
+        padding = np.arange(most) >= count[:, None]
+        self._x[padding] = NOWHERE
+        self.width[padding] = NOWHERE
+
+    def project(self, position: Float32, row: Int64) -> tuple[Float32, Float32]:
+        """Offsets (T, K), m, of the neighbours from texels at `position` (T, 3) of cells row (T,)."""
+        gap = position - self._origin[row]
+        x, y = self._x[row], self._y[row]
+        x -= np.einsum("tx,tx->t", gap, self._tangent[row])[:, None]
+        y -= np.einsum("tx,tx->t", gap, self._other[row])[:, None]
+        return x, y
+
+
+def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64) -> Float32:
+    """`fitted` (T, C), its brightness kept near that of values (cells, K, C), weights (T, K), of cells row (T,).
+
+    Brightness is the sum of all columns, so that light groups add up. Where a colour would be less than nothing, all
+    columns alike move towards the mean of the points until it is not.
+    """
+    bright = values.sum(2)
+    low, high = bright.min(1), bright.max(1)
+    slack = OVERSHOOT * (high - low)
+    lost = np.flatnonzero(fitted.sum(1) <= 0)
+    share = weight[lost] / weight[lost].sum(1)[:, None]
+    fitted[lost] = np.einsum("tk,tkc->tc", share, values[row[lost]])
+    total = fitted.sum(1)
+    wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
+    fitted *= np.divide(wanted, total, out=np.ones_like(total), where=total > 0)[:, None]  # negative lamps: the mean
+    below = np.flatnonzero((fitted < 0).any(1))
+    if len(below):
+        share = weight[below] / weight[below].sum(1)[:, None]
+        mean = np.einsum("tk,tkc->tc", share, values[row[below]])
+        gap = np.where((fitted[below] < 0) & (mean >= 0), fitted[below] / np.minimum(fitted[below] - mean, -TINY), 0)
+        moved = fitted[below] + gap.max(1)[:, None] * (mean - fitted[below])
+        fitted[below] = np.where(mean >= 0, np.maximum(moved, 0), moved)  # what rounding leaves
+    return fitted
+
+
+def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
+    """Weights (T, K) of points at offsets x, y, and the reach (T,), m."""
+    weight: Float32 = x * x
+    weight += y * y
+    reach = np.sqrt(weight)
+    reach *= np.float32(GROWTH)
+    reach += width
+    reach = reach.min(1) * np.float32(REACH)
+    with np.errstate(over="ignore"):  # what lies nowhere, in a scene of nanometres
+        weight /= (reach * reach)[:, None]
+    np.subtract(1, weight, out=weight)
+    np.maximum(weight, 0, out=weight)
+    weight *= weight
+    return weight, reach
+
+
+def _leave_out_hidden(
+    weight: Float32,
+    crowded: Int64,
+    texels: Texels,
+    texel: Int64,
+    beside: Int64,
+    clear: Float32,
+    visibility: Visibility,
+) -> None:
+    """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see.
+
+    Args:
+        clear: (T, K) height, m, that is clear over both
+    """
+    row, column = np.nonzero(weight[crowded] > 0)
+    row = crowded[row]
+    blocked = hidden(texels, texel[row], beside[row, column], visibility, most=clear[row, column])
+    weight[row[blocked], column[blocked]] = 0
+
+
+def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float32, row: Int64) -> Float32:
+    """Value (T, C) at each texel of the plane fitted to values (cells, K, C) of cells row (T,) at offsets x, y."""
+    scale = (1 / reach)[:, None]
+    x *= scale
+    y *= scale
+    x[weight == 0] = 0
+    y[weight == 0] = 0
+    total = weight.sum(1)
+    mean_x = np.einsum("tk,tk->t", weight, x) / total
+    mean_y = np.einsum("tk,tk->t", weight, y) / total
+    x -= mean_x[:, None]
+    y -= mean_y[:, None]
+    xx = np.einsum("tk,tk,tk->t", weight, x, x) / total + np.float32(SLOPE_DAMPING)
+    yy = np.einsum("tk,tk,tk->t", weight, y, y) / total + np.float32(SLOPE_DAMPING)
+    xy = np.einsum("tk,tk,tk->t", weight, x, y) / total
+    # the plane at the texel is the mean of the values less the slope times the points' mean offset
+    determinant = xx * yy - xy * xy
+    x *= ((mean_x * yy - mean_y * xy) / determinant)[:, None]
+    y *= ((mean_y * xx - mean_x * xy) / determinant)[:, None]
+    x += y
+    np.subtract(1, x, out=x)
+    x *= weight
+    return np.asarray(np.einsum("tk,tkc->tc", x, values[row]) / total[:, None], np.float32)

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which gather points count for the texels of each cell: near, facing alike, and seen across the surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Int32, Int64
+from ..chunks import Fractions, in_chunks, scaled
+from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from ..geometry.walls import lift
+from .gather_points import GatherPoints
+
+REACH = 1.6
+"""A point counts for texels within this many widths of the cells around them."""
+
+GROWTH = 0.35
+"""Cells are taken to widen by this share of the distance, so that the reach has no steps where cells halve."""
+
+NEIGHBOURS = 16
+"""Points considered for a cell, at most."""
+
+SAME_FACING = 0.7
+"""Least cosine between normals of a texel and a point that counts for it (45 degrees)."""
+
+SAME_PLANE = 0.2
+"""A point counts if it lies within this share of the distance off the common tangent plane."""
+
+CELL_RADIUS = 0.75
+"""Texels of a cell lie within about this many widths of its point."""
+
+LEVELS_APART = 2
+"""Points of cells up to 2^2 times wider or narrower count."""
+
+CROWDED = 0.75
+"""A cell is crowded if another surface comes nearer than this many of its widths."""
+
+MARGIN = REACH * (1 + GROWTH * CELL_RADIUS)
+"""How far beyond a cell a point may lie, in widths, to count for a texel in it."""
+
+FACED = 0.25
+"""A cell takes no points that face most along an axis which it faces less than this itself."""
+
+CUBES = 2
+"""Points are sought in cubes of this part of the radius: smaller ones hold fewer that are too far."""
+
+CANDIDATES = 60
+"""Where more points than these are near, only those in the innermost cubes are looked at: the nearest count most."""
+
+RAYS = 1 << 15
+"""Rays upwards traced at once."""
+
+CELLS = 2048
+"""Cells looked at in one go: some 10^5 candidate points, whose arrays stay in cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Points that count for each cell.
+
+    Attributes:
+        point: (P, NEIGHBOURS) int32, nearest first, padded with the cell's own point
+        count: (P,) int32
+        crowded: (P,) bool, other surfaces come close: each texel asks for itself what it sees
+        clear: (P,) float32, m, half the way up from the point to the next surface
+    """
+
+    point: Int32
+    count: Int32
+    crowded: Bools
+    clear: Float32
+
+
+def find_neighbours(
+    texels: Texels, points: GatherPoints, visibility: Visibility, workers: int
+) -> Fractions[Neighbours]:
+    """Points that may count for the texels of each cell."""
+    position = texels.position[points.texel]
+    normal = texels.shading_normal[points.texel]
+    jobs = _jobs(position, normal, points)
+    clear = yield from scaled(_clear_heights(texels, points, visibility, workers), 0, 0.1)
+
+    def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
+        cell, point, gap, distance = jobs[start].pairs()
+        narrower = np.minimum(points.width[point], points.width[cell])
+        beyond = np.asarray((distance - np.float32(CELL_RADIUS) * points.width[cell]) / narrower, np.float32)
+        facing = np.einsum("ij,ij->i", normal[cell], normal[point])
+        height = np.abs(np.einsum("ij,ij->i", gap, normal[cell] + normal[point])) / 2
+        alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
+        order = alike[_by_cell(cell[alike], beyond[alike])]
+        order = order[_rank(cell[order]) < NEIGHBOURS]
+        cell, point, gap, distance, beyond = cell[order], point[order], gap[order], distance[order], beyond[order]
+        up = lift(distance, facing[order], texels.surfaces.offset)
+        np.minimum(up, np.minimum(clear[cell], clear[point])[:, None], out=up)  # else a wall's dark shows on a picture
+        origins = position[cell] + normal[cell] * up
+        blocked = visibility.occluded(origins, gap + (normal[point] - normal[cell]) * up) & (distance > 0)
+        return cell[~blocked], point[~blocked], beyond[~blocked], cell[blocked]
+
+    parts = yield from scaled(in_chunks(work, len(jobs), 1, workers), 0.1, 1)
+    if not parts:
+        return Neighbours(np.zeros((0, NEIGHBOURS), np.int32), np.zeros(0, np.int32), np.zeros(0, bool), clear)
+    cell, point, beyond, cut = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = _by_cell(cell, beyond)
+    cell, point = cell[order], point[order]
+    rank = _rank(cell)
+    kept = rank < NEIGHBOURS
+    table = np.repeat(np.arange(points.count, dtype=np.int32)[:, None], NEIGHBOURS, axis=1)
+    table[cell[kept], rank[kept]] = point[kept]
+    count = np.minimum(np.bincount(cell, minlength=points.count), NEIGHBOURS).astype(np.int32)
+    crowded = points.nearest < points.width * np.float32(CROWDED)
+    crowded[cut] = True
+    hidden = points.cell[~texels.valid]
+    crowded[hidden[hidden >= 0]] = True
+    return Neighbours(table, count, crowded, clear)
+
+
+def _clear_heights(texels: Texels, points: GatherPoints, visibility: Visibility, workers: int) -> Fractions[Float32]:
+    """(P,) float32, m: half the way up from each point to the next surface, but at least the scene's offset.
+
+    Points on a wall behind a picture must not be lifted through it.
+    """
+    height = np.empty(points.count, np.float32)
+
+    def work(start: int, stop: int) -> None:
+        texel = points.texel[start:stop]
+        origins = texels.origins(texel, np.zeros(len(texel), np.int64))
+        height[start:stop] = visibility.first_hit(origins, texels.normal[texel]).distance
+
+    yield from in_chunks(work, points.count, RAYS, workers)
+    return np.maximum(height / 2, np.float32(texels.surfaces.offset))
+
+
+def _by_cell(cell: Int64, beyond: Float32) -> Int64:
+    """The order (R,) by cell, and within a cell by how far beyond it; one sort of whole numbers is the fastest."""
+    far = np.maximum(beyond, 0).view(np.int32)  # floats from 0 on are ordered like their bits
+    return np.argsort((cell << 32) + far)
+
+
+def _rank(cell: Int64) -> Int64:
+    """How many equal numbers come before each, in sorted ones."""
+    return np.arange(len(cell)) - np.searchsorted(cell, cell, side="left")
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """Cells (C,) and points (Q,), where they lie (C, 3), (Q, 3), and in which cubes; the points sorted by theirs."""
+
+    cell: Int64
+    cell_place: Float32
+    cell_cube: Int64
+    point: Int64
+    point_place: Float32
+    point_cube: Int64
+    radius: float
+
+    def _around(self, cells: Int64, cubes: int) -> tuple[Int64, Int64]:
+        """Where the points in rows of cubes around cells (M,) begin, and how many they are; (M, rows)."""
+        begins, sizes = [], []
+        for dx in range(-cubes, cubes + 1):
+            for dy in range(-cubes, cubes + 1):
+                row = self.cell_cube[cells] + ((dx << 40) + (dy << 20))  # cubes of a row follow each other in z
+                begin = np.searchsorted(self.point_cube, row - cubes, side="left")
+                begins.append(begin)
+                sizes.append(np.searchsorted(self.point_cube, row + cubes, side="right") - begin)
+        return np.stack(begins, axis=1), np.stack(sizes, axis=1)
+
+    def pairs(self) -> tuple[Int64, Int64, Float32, Float32]:
+        """Cells and points within the radius of each other, what lies between them (R, 3), and how far that is."""
+        begin, size = self._around(np.arange(len(self.cell)), CUBES)
+        many = np.flatnonzero(size.sum(1) > CANDIDATES)
+        size[many] = 0
+        inner_begin, inner_size = self._around(many, 1)
+        rows = np.concatenate([np.repeat(np.arange(len(self.cell)), size.shape[1]), np.repeat(many, 9)])
+        begin = np.concatenate([begin.reshape(-1), inner_begin.reshape(-1)])
+        size = np.concatenate([size.reshape(-1), inner_size.reshape(-1)])
+        run = np.repeat(np.arange(len(size)), size)
+        point = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
+        cell = rows[run]
+        gap = self.point_place[point]
+        gap -= self.cell_place[cell]
+        squared: Float32 = np.einsum("ij,ij->i", gap, gap)
+        near = np.flatnonzero(squared < self.radius**2)
+        return self.cell[cell[near]], self.point[point[near]], gap[near], np.sqrt(squared[near])
+
+
+def _jobs(position: Float32, normal: Float32, points: GatherPoints) -> list[_Job]:
+    """Cells with the points that may count for them, by the widths of both.
+
+    Points are sorted by the axis they face most, then by cube; a cell asks for those axes that it faces itself.
+    """
+    towards = np.concatenate([normal, -normal], axis=1)  # share of the normal along +x, +y, +z, -x, -y, -z
+    axis = towards.argmax(1).astype(np.int64) << 60
+    jobs = []
+    widths = np.unique(points.width)
+    limit = np.float32(2.0 ** (LEVELS_APART + 0.5))
+    for width in widths:
+        cells, faced = np.nonzero((points.width == width)[:, None] & (towards > FACED))
+        for other in widths[(widths < width * limit) & (widths > width / limit)]:
+            radius = np.float32(CELL_RADIUS) * width + np.float32(MARGIN) * min(width, other)
+            cube = np.floor(position * (CUBES / radius)).astype(np.int64) + (1 << 18)
+            key = (cube[:, 0] << 40) + (cube[:, 1] << 20) + cube[:, 2]
+            others = np.flatnonzero(points.width == other)
+            sorted_key = key[others] + axis[others]
+            order = np.argsort(sorted_key, kind="stable")
+            others, sorted_key = others[order], sorted_key[order]
+            places = position[others]
+            sought = key[cells] + (faced.astype(np.int64) << 60)
+            near = np.argsort(sought, kind="stable")  # cells beside each other look at the same points
+            for start in range(0, len(cells), CELLS):
+                part = near[start : start + CELLS]
+                mine = cells[part]
+                jobs.append(_Job(mine, position[mine], sought[part], others, places, sorted_key, float(radius)))
+    return jobs

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much of the light that meets a texel it stops, and where on it light is stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Float32
+from ..sampling import hash_uniform
+from .surfaces import on_front
+from .texels import STRATA, Texels
+from .transmittance import NEARLY, Transmittance
+
+CHUNK = 1 << 15
+"""Texels whose strata are looked up in one go."""
+
+
+@dataclass(frozen=True, eq=False)
+class Opacity:
+    """How much of the light T texels stop.
+
+    Attributes:
+        share: (T,) float32, mean over the texel's strata and over channels
+        strata: (T,) uint8, bit s set if stratum s sends light: all where they are alike, of others those that stop more
+    """
+
+    share: Float32
+    strata: NDArray[np.uint8]
+
+    def of_stopped(self, values: Float32, highest: float = np.inf) -> Float32:
+        """Values (T, 3) of the surface as a whole as those of the light that is stopped, limited to `highest`."""
+        some = self.share > 0
+        divided = (values / np.where(some, self.share, 1)[:, None]).astype(np.float32)
+        return np.minimum(divided, np.float32(highest))
+
+
+def opacity_of(texels: Texels, transmittance: Transmittance | None) -> Opacity | None:
+    """What the texels stop of the light between surfaces; None where all are opaque."""
+    met = texels.surfaces.met
+    if transmittance is None:
+        if met.all():
+            return None
+        return Opacity(met[texels.triangle[:, 0]].astype(np.float32), np.full(texels.count, 15, np.uint8))
+    share = np.empty(texels.count, np.float32)
+    strata = np.empty(texels.count, np.uint8)
+    for start in range(0, texels.count, CHUNK):
+        part = slice(start, start + CHUNK)
+        triangle, u, v = on_front(texels.surfaces, texels.triangle[part], texels.barycentric[part])
+        stopped = 1 - transmittance.at(triangle, u, v).mean(0).reshape(-1, STRATA)
+        stopped[stopped < NEARLY] = 0
+        stopped[~met[texels.triangle[part]]] = 0
+        share[part] = stopped.mean(1)
+        number = np.arange(start * STRATA, start * STRATA + stopped.size).reshape(-1, STRATA)
+        sends = stopped > hash_uniform(number) * stopped.max(1, keepdims=True)
+        strata[part] = (sends << np.arange(STRATA)).sum(1)
+    return Opacity(share, strata)

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Thin walls that stand on texels: what is on one side of them must not be taken for what is on the other.
+
+A wall without thickness, or thinner than a texel, leaves no texel inside a solid that would part its two sides. It is
+found by rays from texel to texel along the surface. A texel at its foot stands for the side that its centre is on, and
+cells of texels, be they patches or those of gather points, are parted into what sees each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Int32, Int64
+from ..chunks import Fractions, in_chunks, scaled
+from .texels import STRATA, Texels
+from .visibility import Hits, Visibility
+
+Ids: TypeAlias = Int64 | Int32
+
+CLEARANCE = 0.005
+"""Height above a flat surface, as a share of the distance, at which two points must see each other."""
+
+SPAN = 8
+"""Steps from texel to texel that one ray takes where the surface is flat."""
+
+LEVEL = 1e-4
+"""Least 1 - cosine between normals, and least squared share of a step that leads off the plane, of what is not flat."""
+
+BENT = 0.95
+"""Least cosine between normals of neighbours that a wall can be found between: a crease hides as well."""
+
+STEEP = 0.7
+"""Least cosine between normals of texels that can be asked whether they see each other."""
+
+CREASED = 2.0
+"""A crease rises twice as high over its chord as an arc between the same normals."""
+
+MARGIN = 1.2
+"""Strata are seen if so much of the way to them, in shares, is clear: what stands in a wall sees to both sides."""
+
+FOOT = 0.03
+"""A texel nearer to a wall than this share of the way to its neighbour, beside a chart, stands in the wall's foot."""
+
+PARTS = 4
+"""Parts of a cell that are told from each other; the last one keeps whatever is left."""
+
+CHUNK = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Where thin walls stand on the texels of a scene.
+
+    Attributes:
+        border: (T,) bool, texels beside which surfaces end, are buried, or a wall stands; a wall across several texels
+            leaves such ones on either side
+        row: (T,) int32, of crossed texels in `planes`
+        planes: (C, 4, 4) float32: a texel keeps of its footprint the points p with planes @ (p, 1) >= 0
+    """
+
+    border: Bools
+    row: Int32
+    planes: Float32
+
+    def behind(self, texels: Texels, texel: Int32, hits: Hits) -> Int64:
+        """Which of the hits (R,) on fronts of texels (R,), -1 for none, are beyond the wall that stands on theirs."""
+        if not len(self.planes):
+            return np.zeros(0, np.int64)
+        near = np.flatnonzero(texels.crossed[texel] & (texel >= 0) & hits.front)
+        points = texels.surfaces.points(hits.triangle[near], np.stack([hits.u[near], hits.v[near]], axis=1))
+        planes = self.planes[self.row[texel[near]]]
+        height = np.einsum("rkx,rx->rk", planes[:, :, :3], points) + planes[:, :, 3]
+        beyond: Bools = (height < 0).any(1)
+        return np.asarray(near[beyond])
+
+
+def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
+    """Height (R, 1), m, at which points so far apart, with so much between their normals, must see each other.
+
+    The chord of an arc between normals at an angle t sags by distance * tan(t / 4) / 2.
+    """
+    sag = np.sqrt(np.maximum(1 - cosine, 0) / 8) / 2  # about t / 8
+    height = distance * (sag * np.float32(1.2) + np.float32(CLEARANCE)) + np.float32(offset)
+    return np.asarray(height[:, None], np.float32)
+
+
+def hidden(
+    texels: Texels,
+    here: Ids,
+    there: Ids,
+    visibility: Visibility,
+    steep: float = 1.0,
+    side: int = 1,
+    most: Float32 | None = None,
+) -> Bools:
+    """Whether something stands on the surface between texels `here` and `there`, (R,) each.
+
+    Args:
+        most: (R,) height, m, over which another surface may lie above one of them; None if that is not known
+        side: 1 for fronts, -1 for backs
+        steep: how many times higher than over an arc the surface may rise between them
+    """
+    normal, other = texels.shading_normal[here], texels.shading_normal[there]
+    start = texels.position[here]
+    span = texels.position[there] - start
+    distance = np.sqrt(np.einsum("ij,ij->i", span, span))
+    up = lift(distance * np.float32(steep), np.einsum("ij,ij->i", normal, other), texels.surfaces.offset)
+    if most is not None:
+        np.minimum(up, most[:, None], out=up)
+    up *= np.float32(side)
+    start += normal * up
+    span += (other - normal) * up
+    return np.asarray(visibility.occluded(start, span) & (here != there))
+
+
+def find_walls(texels: Texels, visibility: Visibility, workers: int) -> Fractions[Walls]:
+    """Find the walls on texels, and leave to each texel only the strata on its centre's side: changes the texels."""
+    crossed = texels.crossed
+    for axis, order in enumerate((np.arange(texels.count, dtype=np.int32), _by_columns(texels))):
+        cut = yield from scaled(_parted_steps(texels, order, (1, texels.size)[axis], visibility, workers), 0.0, 0.9)
+        crossed[cut] = True
+    rows = np.flatnonzero(crossed)
+    number = np.full(texels.count if len(rows) else 0, -1, np.int32)
+    number[rows] = np.arange(len(rows), dtype=np.int32)
+    if len(rows):
+        beyond = np.zeros((texels.count, STRATA), bool)
+        beyond[rows] = _strata_beyond(texels, rows, visibility)
+        texels.without(beyond)
+    planes, nearest = _planes(texels, rows, visibility)
+    _step_aside(texels, rows[nearest < FOOT], visibility)
+    return Walls(_at_border(texels), number, planes)
+
+
+def _by_columns(texels: Texels) -> Int32:
+    """Texels column by column."""
+    grid = texels.texel_at.reshape(-1, texels.size, texels.size).transpose(0, 2, 1).reshape(-1)
+    return grid[grid >= 0]
+
+
+def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibility, workers: int) -> Fractions[Int64]:
+    """Texels that do not see the next one in `order`, which lies `stride` pixels on, and those next ones."""
+    component = texels.surfaces.component
+
+    def work(start: int, stop: int) -> Int64:
+        path = order[start : stop + 1]
+        here, there = path[:-1], path[1:]
+        pixel, part = texels.pixel[path], component[texels.triangle[path, 0]]
+        valid = texels.valid[path]
+        wanted = (np.diff(pixel) == stride) & (part[1:] == part[:-1]) & valid[1:] & valid[:-1]
+        if stride == 1:
+            wanted &= pixel[1:] % texels.size != 0
+        x, y, z = np.ascontiguousarray(texels.position[path].T)
+        p, q, r = np.ascontiguousarray(texels.normal[path].T)
+        cosine = p[1:] * p[:-1] + q[1:] * q[:-1] + r[1:] * r[:-1]
+        dx, dy, dz = np.diff(x), np.diff(y), np.diff(z)
+        rise = dx * p[1:] + dy * q[1:] + dz * r[1:]
+        wanted &= cosine > BENT
+        level = (cosine > 1 - LEVEL) & (rise * rise <= LEVEL * (dx * dx + dy * dy + dz * dz))
+        first, last = _pieces(wanted & level)
+        blocked = hidden(texels, path[first], path[last], visibility)
+        single = wanted & ~level
+        for step in range(SPAN):
+            single[np.minimum(first[blocked] + step, last[blocked] - 1)] = True
+        asked = np.flatnonzero(single)
+        asked = asked[hidden(texels, here[asked], there[asked], visibility, CREASED)]
+        return np.concatenate([here[asked], there[asked]])
+
+    parts = yield from in_chunks(work, max(0, len(order) - 1), CHUNK, workers)
+    return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+
+def _pieces(steps: Bools) -> tuple[Int64, Int64]:
+    """Runs of true `steps` (S,), cut into pieces of at most SPAN: the points, of S + 1, that each leads from and to."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], steps, [False]]).view(np.int8)))
+    begin, end = ends[::2], ends[1::2]
+    number = -(-(end - begin) // SPAN)
+    first = np.repeat(begin, number) + SPAN * (np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number))
+    return first, np.minimum(first + SPAN, np.repeat(end, number))
+
+
+def _strata_beyond(texels: Texels, chosen: Int64, visibility: Visibility) -> Bools:
+    """(C, 4) bool, covered strata of texels (C,) on the other side of a wall than the first that the centre sees."""
+    slots = np.arange(STRATA)
+    every = np.repeat(chosen, STRATA)
+    points = texels.origins(every, np.tile(slots, len(chosen))).reshape(-1, STRATA, 3)
+    covered = ((texels.covered[chosen][:, None] >> slots) & 1) > 0
+
+    def unseen(start: Float32) -> Bools:
+        span = (points - start[:, None]) * np.float32(MARGIN)
+        return visibility.occluded(np.repeat(start, STRATA, axis=0), span.reshape(-1, 3)).reshape(-1, STRATA)
+
+    centre = texels.position[chosen] + texels.normal[chosen] * np.float32(texels.surfaces.offset)
+    first = (covered & ~unseen(centre)).argmax(1)
+    beyond = unseen(points[np.arange(len(chosen)), first])
+    return np.asarray(covered & beyond & (slots != first[:, None]))
+
+
+def _at_border(texels: Texels) -> Bools:
+    """(T,) bool, texels that are crossed, or do not have a valid texel to every side on the page."""
+    inner: Bools = np.zeros(len(texels.texel_at), bool)
+    inner[texels.pixel[texels.valid & ~texels.crossed]] = True
+    inner = inner.reshape(-1, texels.size, texels.size)
+    whole = inner.copy()
+    for axis in (1, 2):
+        ahead, behind = np.moveaxis(whole, axis, 0), np.moveaxis(inner, axis, 0)
+        ahead[1:] &= behind[:-1]
+        ahead[:-1] &= behind[1:]
+    return ~whole.reshape(-1)[texels.pixel]
+
+
+def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Float32, Float32]:
+    """(C, 4, 4) planes of the walls between texels (C,) and their neighbours on the page; 0 where there is none.
+
+    Also (C,), at which share of the way to a neighbour the nearest wall stands.
+    """
+    planes = np.zeros((len(chosen), 4, 4), np.float32)
+    nearest = np.ones(len(chosen), np.float32)
+    surfaces = texels.surfaces
+    component = surfaces.component[texels.triangle[:, 0]] if len(chosen) else np.zeros(0, np.int32)
+    column = texels.pixel[chosen] % texels.size
+    for side, step in enumerate((-1, 1, -texels.size, texels.size)):
+        other = texels.texel_at.take(texels.pixel[chosen] + step, mode="clip")
+        there = (other >= 0) & texels.valid[other] & (component[other] == component[chosen])
+        if abs(step) == 1:
+            there &= np.abs(texels.pixel[other] % texels.size - column) == 1
+        row = np.flatnonzero(there)
+        here, next_to = chosen[row], other[row]
+        normal, beside = texels.normal[here], texels.normal[next_to]
+        row = row[np.einsum("ij,ij->i", normal, beside) > STEEP]
+        here, next_to = chosen[row], other[row]
+        start = texels.position[here] + texels.normal[here] * np.float32(surfaces.offset)
+        end = texels.position[next_to] + texels.normal[next_to] * np.float32(surfaces.offset)
+        hits = visibility.first_hit(start, end - start)
+        met = np.flatnonzero((hits.triangle >= 0) & (hits.distance < 1))
+        nearest[row[met]] = np.minimum(nearest[row[met]], hits.distance[met])
+        triangle = hits.triangle[met]
+        towards = np.where(hits.front[met], 1, -1).astype(np.float32)[:, None]
+        normal = surfaces.normals(triangle) * towards
+        planes[row[met], side, :3] = normal
+        planes[row[met], side, 3] = -np.einsum("ij,ij->i", normal, surfaces.corners[triangle, 0])
+    return planes, nearest
+
+
+def _step_aside(texels: Texels, chosen: Int64, visibility: Visibility) -> None:
+    """Let texels that stand in a wall, and see to both its sides, stand where a neighbour that they see does."""
+    within = chosen
+    for step in (1, -1, texels.size, -texels.size):
+        other = texels.texel_at.take(texels.pixel[chosen] + step, mode="clip")
+        near = (other >= 0) & texels.valid[other] & ~np.isin(other, within)
+        near &= np.einsum("ij,ij->i", texels.normal[chosen], texels.normal[other]) > STEEP
+        near[near] = ~hidden(texels, chosen[near], other[near], visibility)
+        texels.stand_at(chosen[near], other[near])
+        chosen = chosen[~near]
+
+
+def part_cells(
+    cell: Int32, seat: Int64, first: Bools, texels: Texels, visibility: Visibility, workers: int, side: int = 1
+) -> Fractions[tuple[Int32, Int64]]:
+    """Part cells of texels so that each one's texels see its seat.
+
+    A texel that does not goes to the cell of a neighbour on the page whose seat it sees, or to a cell of its own.
+
+    Args:
+        cell: (T,) int32, cell of each texel, -1 for none
+        seat: (N,) int64, the texel of each cell that the others are to see
+        first: (T,) bool, texels that are asked first; all others only in cells where some of these do not see theirs
+        side: 1 for fronts, -1 for backs
+    Returns:
+        the cells (T,), and seats of all cells, new ones last
+    """
+    cell = cell.copy()
+
+    def unseen(here: Int64, there: Int64, unlike: bool = False) -> Fractions[Bools]:
+        """Which of the texels `here` do not see those `there`; `unlike` where they face too differently to be asked."""
+
+        def work(start: int, stop: int) -> Bools:
+            one, other = here[start:stop], there[start:stop]
+            alike = np.einsum("ij,ij->i", texels.shading_normal[one], texels.shading_normal[other]) > STEEP
+            found = hidden(texels, one, other, visibility, side=side)
+            return np.asarray(np.where(alike, found, unlike))
+
+        return np.concatenate([np.zeros(0, bool), *(yield from in_chunks(work, len(here), CHUNK, workers))])
+
+    asked = np.flatnonzero(first & (cell >= 0))
+    asked = asked[(yield from unseen(asked, seat[cell[asked]]))]
+    parted = np.zeros(len(seat) + 1, bool)
+    parted[cell[asked]] = True
+    asked = np.flatnonzero(parted[cell])
+    asked = asked[(yield from unseen(asked, seat[cell[asked]]))]
+    lost = np.zeros(texels.count, bool)
+    lost[asked] = True
+    label = texels.surfaces.component.astype(np.int64) << 32 | texels.surfaces.material
+    for step in (1, -1, texels.size, -texels.size):
+        other = texels.texel_at.take(texels.pixel[asked] + step, mode="clip")
+        near = (other >= 0) & (cell[other] >= 0) & ~lost[other]
+        near &= label[texels.triangle[other, 0]] == label[texels.triangle[asked, 0]]
+        near[near] = ~(yield from unseen(asked[near], seat[cell[other[near]]], True))
+        cell[asked[near]] = cell[other[near]]
+        asked = asked[~near]
+    for _ in range(PARTS - 1):
+        if not len(asked):
+            break
+        names, number = np.unique(cell[asked], return_inverse=True)
+        order = np.argsort(number, kind="stable")
+        begin = np.searchsorted(number[order], np.arange(len(names) + 1))
+        cell[asked] = (len(seat) + number).astype(cell.dtype)
+        seat = np.concatenate([seat, asked[order[(begin[:-1] + begin[1:]) // 2]]])
+        asked = asked[(yield from unseen(asked, seat[cell[asked]]))]
+    return cell, seat

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Emissive meshes as lamps: what shines is decided once for each emitter, so that nothing counts twice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Float64, Int32, Int64
+from ..geometry.surfaces import Surfaces
+from ..scene import RGB, Material, Scene
+from .area_lamps import PanelLamp
+from .emitter_tree import EmitterTree, MeshLamp, halved
+from .glow import Glow
+from .polygons import Polygon, convex_polygon, parallelogram
+
+POLYGONS = 16
+"""Emitters of at most so many polygons are summed polygon by polygon, others over a tree."""
+
+LARGEST = 0.25
+"""An emitter with more than this share of the scene's surface is left to the gather, whose rays can't miss it."""
+
+CLEAR = 0.5
+"""An emitter that lets more than this share of the light pass is a lamp whatever its size: few rays stop at it."""
+
+ALIKE = 1e-3
+"""Colours that differ by this share of the brightest only in brightness are one."""
+
+FLAT = 1e-5
+"""Largest distance of a quad's fourth corner from the plane of the others, and from a parallelogram, as a share."""
+
+
+def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -> tuple[list[PanelLamp], Bools]:
+    """Lamps that stand for emissive triangles, one for each mesh and material, or one a channel where colours vary.
+
+    Args:
+        glow: what triangles emit whose emission varies; without it they emit their material's constant
+
+    Returns:
+        the lamps, and (F,) which triangles they stand for; the gather finds the others
+    """
+    sampled = np.zeros(surfaces.count, bool)
+    lamps: list[PanelLamp] = []
+    emission = np.array([material.emission for material in scene.materials] or [(0, 0, 0)], np.float64)
+    bright = (emission > 0).any(1)[surfaces.material]
+    if glow is not None:
+        bright[glow.triangle] = glow.radiance.any((1, 2))
+    glowing = np.flatnonzero(bright & (surfaces.area > 0) & surfaces.met)
+    owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
+    polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
+    for emitter in np.unique(owner):
+        triangles = glowing[owner == emitter]
+        material = scene.materials[surfaces.material[triangles[0]]]
+        missed = np.mean(material.transmittance) > CLEAR
+        picture = glow if "emission" in material.varies else None
+        shining = surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
+        if missed or shining <= LARGEST * surfaces.area.sum():
+            if picture is not None:
+                lamps += _pictures(surfaces, triangles, picture, material)
+            else:
+                lamps.append(_emitter(surfaces, triangles, polygon, material))
+            sampled[triangles] = True
+    if glow is not None:
+        sampled[glow.triangle] |= ~bright[glow.triangle]  # black all over: nothing to find there
+    return lamps, sampled
+
+
+def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Material) -> list[PanelLamp]:
+    """Lamps of an emitter whose emission varies: pieces, each with its own radiance, as one lamp for each channel.
+
+    Where colours are alike but for their brightness one lamp does for all channels.
+    """
+    corners, radiance, owner = glow.pieces(triangles, surfaces.corners[triangles].astype(np.float64))
+    box: Float32 | None = None
+    if surfaces.closed[triangles].all():
+        inward, box = _body(surfaces, triangles)
+        corners[inward[owner]] = corners[inward[owner]][:, ::-1]
+    color = radiance.mean(0) / radiance.mean()
+    level = radiance.mean(1)
+    if np.abs(radiance - level[:, None] * color).max() < ALIKE * level.max():
+        return [_picture(corners, level, color, box, material.group)]
+    one = np.eye(3)
+    return [_picture(corners, radiance[:, k], one[k], box, material.group) for k in range(3) if radiance[:, k].any()]
+
+
+def _picture(corners: Float64, level: Float64, color: Float64, box: Float32 | None, group: int) -> MeshLamp:
+    """A lamp of triangles that shine at different levels; samples fall on them by the light that they give."""
+    corners, level = corners[level > 0], level[level > 0]
+    place = halved(corners.mean(1), max(len(corners) - 1, 1).bit_length())
+    order = np.argsort(place, kind="stable")
+    corners, level = corners[order], level[order]
+    edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    cross = np.cross(edge_u, edge_v)
+    size = np.linalg.norm(cross, axis=1)
+    mean = float((size * level).sum() / size.sum())
+    weight = size * level / mean
+    return MeshLamp(
+        strength=_rgb(color * mean),
+        polygons=(),
+        corner=corners[:, 0].astype(np.float32),
+        edge_u=edge_u.astype(np.float32),
+        edge_v=edge_v.astype(np.float32),
+        normal=(cross / np.maximum(size, 1e-300)[:, None]).astype(np.float32),
+        ends=(np.cumsum(weight) / weight.sum()).astype(np.float32),
+        shape="triangle",
+        area=float(weight.sum() / 2),
+        two_sided=True,
+        box=box,
+        shadow=True,
+        group=group,
+        tree=EmitterTree.over(corners, level / mean),
+    )
+
+
+def _rgb(values: Float64) -> RGB:
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Material) -> PanelLamp:
+    # neighbours on the surface are neighbours in the list, so that even samples of the list are even on the surface
+    place = halved(surfaces.corners[triangles].mean(1), max(len(triangles) - 1, 1).bit_length())
+    triangles = triangles[np.argsort(place, kind="stable")]
+    corners = surfaces.corners[triangles].astype(np.float64)
+    box: Float32 | None = None
+    if surfaces.closed[triangles].all():
+        inward, box = _body(surfaces, triangles)
+        corners[inward] = corners[inward][:, ::-1]
+    quads = _quads(corners, polygon[triangles])
+    merged = {index for pair, _ in quads for index in pair}
+    loose = [convex_polygon(corners[k], box is None) for k in range(len(corners)) if k not in merged]
+    shapes = [_polygon(quad, box is None) for _, quad in quads] + loose
+    few = len(shapes) <= POLYGONS
+    plain = few and not loose and all(_is_parallelogram(quad) for _, quad in quads)
+    cells = np.array([quad[[0, 1, 3]] for _, quad in quads]) if plain else corners
+    edge_u, edge_v = cells[:, 1] - cells[:, 0], cells[:, 2] - cells[:, 0]
+    cross = np.cross(edge_u, edge_v)
+    size = np.linalg.norm(cross, axis=1)
+    fields = {
+        "strength": material.emission,
+        "polygons": tuple(shapes) if few else (),
+        "corner": cells[:, 0].astype(np.float32),
+        "edge_u": edge_u.astype(np.float32),
+        "edge_v": edge_v.astype(np.float32),
+        "normal": (cross / np.maximum(size, 1e-300)[:, None]).astype(np.float32),
+        "ends": (np.cumsum(size) / size.sum()).astype(np.float32),
+        "shape": "parallelogram" if plain else "triangle",
+        "area": float(surfaces.area[triangles].sum()),
+        "two_sided": True,
+        "box": box,
+        "shadow": True,
+        "group": material.group,
+    }
+    return PanelLamp(**fields) if few else MeshLamp(**fields, tree=EmitterTree.over(corners))
+
+
+def _body(surfaces: Surfaces, triangles: Int64) -> tuple[Bools, Float32]:
+    """Of closed bodies: which triangles wind inward, and the bodies' bounding box (2, 3)."""
+    parts = np.unique(surfaces.component[triangles])
+    members = np.flatnonzero(np.isin(surfaces.component, parts))
+    corners = surfaces.corners[members].astype(np.float64)
+    part = np.searchsorted(parts, surfaces.component[members])
+    middle = corners.mean((0, 1))
+    a, b, c = (corners[:, k] - middle for k in range(3))
+    volume = np.bincount(part, weights=np.einsum("ij,ij->i", a, np.cross(b, c)), minlength=len(parts))
+    inward = volume[np.searchsorted(parts, surfaces.component[triangles])] < 0
+    flat = surfaces.corners[members].reshape(-1, 3)
+    return inward, np.stack([flat.min(0), flat.max(0)])
+
+
+def _quads(corners: Float64, polygon: Int32) -> list[tuple[tuple[int, int], Float64]]:
+    """Pairs of triangles that are one flat convex quad: their numbers, and its corners (4, 3)."""
+    found = []
+    if len(corners) > 4 * POLYGONS:
+        return []
+    for number in np.unique(polygon):
+        pair = np.flatnonzero(polygon == number)
+        if len(pair) != 2:
+            continue
+        first, second = corners[pair]
+        same = [(i, j) for i in range(3) for j in range(3) if np.array_equal(first[i], second[j])]
+        if len(same) != 2:
+            continue
+        lone = ({0, 1, 2} - {i for i, _ in same}).pop()
+        other = ({0, 1, 2} - {j for _, j in same}).pop()
+        quad = np.array([first[lone], first[lone - 2], second[other], first[lone - 1]])
+        if _is_flat_and_convex(quad):
+            found.append(((int(pair[0]), int(pair[1])), quad))
+    return found
+
+
+def _is_flat_and_convex(quad: Float64) -> bool:
+    edges = np.roll(quad, -1, axis=0) - quad
+    turns = np.cross(edges, np.roll(edges, -1, axis=0))
+    size = np.linalg.norm(turns, axis=1)
+    normal = turns.sum(0) / max(float(np.linalg.norm(turns.sum(0))), 1e-300)
+    return bool((turns @ normal > (1 - FLAT) * size).all() and (size > 0).all())
+
+
+def _is_parallelogram(quad: Float64) -> bool:
+    gap = quad[0] - quad[1] + quad[2] - quad[3]
+    return bool(np.linalg.norm(gap) < FLAT * np.linalg.norm(quad[2] - quad[0]))
+
+
+def _polygon(quad: Float64, two_sided: bool) -> Polygon:
+    if _is_parallelogram(quad):
+        return parallelogram(quad[0], quad[1] - quad[0], quad[3] - quad[0], two_sided)
+    return convex_polygon(quad, two_sided)

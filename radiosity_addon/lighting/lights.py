@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light: closed forms where a receiver sees the whole lamp, shadow rays only where they are needed.
+
+Lamps come in batches. Each texel sends a few probe rays to each lamp; the probes of a 5 x 5 neighbourhood on the
+page say whether a texel is fully lit, fully shadowed, or partly: only those send more rays. Sampling depends on
+geometry and visibility, never on strengths or light groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Int32, Int64
+from ..chunks import Fractions, in_chunks, scaled
+from ..geometry.surfaces import Surfaces
+from ..geometry.texels import STRATA, Texels
+from ..geometry.visibility import Visibility
+from ..sampling import hash_uniform
+from ..scene import AreaLight, Light, Scene, SunLight
+from ..settings import BakeSettings
+from .area_lamps import area_lamp
+from .emitters import emissive_lamps
+from .glow import Glow
+from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
+from .lamps import Lamp, round_lamp, sun_lamp
+from .penumbra import smooth_penumbrae
+from .shades import Bytes, Shades, pooled, shade_codes
+from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
+
+BATCH = 8
+"""Lamps treated together, at most: they share ray origins."""
+
+BATCH_BYTES = 6 << 24
+"""What the pairs of a batch's lamps and texels take while it is worked on, at most."""
+
+POOL = 2
+"""Probes are pooled over this many texels to every side."""
+
+PROBE_CHUNK = 1 << 14
+"""Texels probed in one go."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """Everything that is sampled as a lamp.
+
+    Attributes:
+        lamps: one record each
+        sampled: (F,) bool, triangles whose emission is in `lamps`, so that a gather must leave it out
+        receivers: (M,) bool each, meshes that a lamp lights, by index of the lamp; others light all
+    """
+
+    lamps: tuple[Lamp, ...]
+    sampled: Bools
+    receivers: Mapping[int, Bools] = field(default_factory=dict)
+
+    def batch(self, start: int, stop: int) -> Lamps:
+        """Lamps start to stop."""
+        receivers = {index - start: lit for index, lit in self.receivers.items() if start <= index < stop}
+        return replace(self, lamps=self.lamps[start:stop], receivers=receivers)
+
+    def keep_to_receivers(self, index: int, light: Float32, mesh: Int32) -> None:
+        """Put out, in place, a lamp's light (P,) on meshes (P,) that it does not light."""
+        if index in self.receivers:
+            light[~self.receivers[index][mesh]] = 0
+
+
+def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), glow: Glow | None = None) -> Lamps:
+    """The scene's lights, emissive surfaces and bright pieces of the sky as lamps.
+
+    Args:
+        scene: with positions relative to `surfaces.origin`, as `scene.moved(-surfaces.origin)` gives them
+        glow: what triangles emit whose emission varies
+    """
+    lights = [_lamp(light, surfaces) for light in (*scene.lights, *suns)]
+    emitters, sampled = emissive_lamps(scene, surfaces, glow)
+    shining = [(index, lamp) for index, lamp in enumerate([*lights, *emitters]) if any(lamp.strength)]
+    receivers = {}
+    for number, (index, _) in enumerate(shining):
+        if index in scene.receivers:
+            receivers[number] = np.isin(np.arange(len(scene.meshes)), list(scene.receivers[index]))
+    return Lamps(tuple(lamp for _, lamp in shining), sampled, receivers)
+
+
+def _lamp(light: Light, surfaces: Surfaces) -> Lamp:
+    if isinstance(light, SunLight):
+        return sun_lamp(light, 4 * surfaces.radius)
+    if isinstance(light, AreaLight):
+        return area_lamp(light)
+    return round_lamp(light)
+
+
+def irradiance_at(
+    lamps: Lamps,
+    points: Float32,
+    normals: Float32,
+    visibility: Visibility,
+    samples: int,
+    seed_ids: Int64,
+    group_count: int,
+    mesh: Int32 | None = None,
+) -> Float32:
+    """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
+
+    Args:
+        points: (P, 3) float32, m, lifted off their surfaces
+        normals: (P, 3) float32, unit
+        samples: shadow rays of a point and lamp
+        seed_ids: (P,) what the samples are hashed from
+        mesh: (P,) int32, that the points lie on, for lamps that do not light all
+    """
+    visibility = visibility.of_lamps
+    total = np.zeros((len(points), group_count, 3), np.float32)
+    for start in range(0, len(points), TRACE_CHUNK):
+        part = slice(start, start + TRACE_CHUNK)
+        shifts = hash_uniform(seed_ids[part], 0), hash_uniform(seed_ids[part], 1)
+        for index, lamp in enumerate(lamps.lamps):
+            light = lamp.light(points[part], normals[part], None)
+            if mesh is not None:
+                lamps.keep_to_receivers(index, light, mesh[part])
+            lit = np.flatnonzero(light > 0)
+            share: Float32 = np.ones((visibility.channels, len(light)), np.float32)
+            if lamp.shadow and len(lit):
+                rays = samples if lamp.extended else 1
+                side = STRATA if rays % STRATA == 0 else 1
+                origins = [np.tile(rows_of(points[part][lit]), (1, side))]
+                tally = Tally.none(len(lit), visibility.channels)
+                chosen = shifts[0][lit], shifts[1][lit]
+                facing = [rows_of(normals[part][lit])]
+                slopes = lattice_generators(seed_ids[part][lit], rays)
+                tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
+                share[:, lit] = tally.share()
+            _add(total[part], lamp, light, share)
+    return total
+
+
+def direct_irradiance(
+    lamps: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, group_count: int
+) -> Fractions[Float32]:
+    """Irradiance H0 of every texel from all lamps; yields the share done.
+
+    Returns:
+        (T, G, 3) float32, W/m2; zero where a texel is not valid
+    """
+    visibility = visibility.of_lamps
+    total = np.zeros((texels.count, group_count, 3), np.float32)
+    size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
+    batches = [lamps.batch(start, start + size) for start in range(0, len(lamps.lamps), size)]
+    for done, batch in enumerate(batches):
+        steps = _add_batch(batch, texels, visibility, settings, total)
+        yield from scaled(steps, done / len(batches), (done + 1) / len(batches))
+    return total
+
+
+def _add(total: Float32, lamp: Lamp, light: Float32, share: Float32) -> None:
+    """Add the share (C, B) of a lamp's light (B,) that arrives to irradiance (B, G, 3)."""
+    arrived = light * share
+    for channel, strength in enumerate(lamp.strength):
+        if strength:
+            total[:, lamp.group, channel] += arrived[channel % len(share)] * np.float32(strength)
+
+
+def _add_batch(
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
+) -> Generator[float, None, None]:
+    """Add the light of a batch to `total` (T, G, 3); yields the share done."""
+    number = len(batch.lamps)
+    probes = _Probes.none(number, texels.count, visibility)
+    yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
+    for index, lamp in enumerate(batch.lamps):
+        low, high = 0.5 + index / number / 2, 0.5 + (index + 1) / number / 2
+        share: Float32 = np.ones((1, 1), np.float32)
+        if lamp.shadow:
+            share = yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
+        _add(total, lamp, probes.light[index], share)
+
+
+@dataclass(frozen=True, eq=False)
+class _Probes:
+    """What a batch of L lamps and their probe rays have found.
+
+    Attributes:
+        light: (L, T) float32, unshadowed
+        low, high: (L, T) uint8, the probes' `Shades`
+        share: (L, C, T) float32 part of the light of the probes that arrived; None where light arrives or does not
+    """
+
+    light: Float32
+    low: Bytes
+    high: Bytes
+    share: Float32 | None
+
+    @classmethod
+    def none(cls, lamps: int, texels: int, visibility: Visibility) -> _Probes:
+        shape = (lamps, texels)
+        light = np.zeros(shape, np.float32)
+        low, high = np.full(shape, 255, np.uint8), np.zeros(shape, np.uint8)
+        return cls(
+            light, low, high, np.zeros((lamps, visibility.channels, texels), np.float32) if visibility.dims else None
+        )
+
+    @staticmethod
+    def bytes_each(visibility: Visibility) -> int:
+        """What a pair of a lamp and a texel takes."""
+        return 6 + (4 * visibility.channels if visibility.dims else 0)
+
+    def put(self, lamp: int, ids: Int64, light: Float32, share: Float32) -> None:
+        """Keep what probes (count, B) of texels (B,) found: their light, and the share (C, count, B) that arrived."""
+        codes = shade_codes(share.reshape(len(share), -1)).reshape(light.shape)
+        shot = light > 0
+        self.low[lamp, ids] = np.where(shot, codes, 255).min(0)
+        self.high[lamp, ids] = np.where(shot, codes, 0).max(0)
+        if self.share is not None:
+            self.share[lamp][:, ids] = (light * share).sum(1) / np.maximum(light.sum(0), TINY)
+
+
+def _probe(
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+) -> Fractions[list[None]]:
+    """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
+    pattern = lattice(settings.steps.shadow_probes)
+    count = len(pattern)
+
+    def work(start: int, stop: int) -> None:
+        ids = start + np.flatnonzero(texels.valid[start:stop])
+        if not len(ids):
+            return
+        points, shading, normal = texels.position[ids], texels.shading_normal[ids], texels.normal[ids]
+        receivers = Receivers.of(texels, ids)
+        origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
+        mesh = texels.surfaces.shown_mesh(texels.triangle[ids, 0])
+        for index, lamp in enumerate(batch.lamps):
+            light = lamp.light(points, shading, None if len(receivers.normals) == 1 else normal)
+            batch.keep_to_receivers(index, light, mesh)
+            probes.light[index, ids] = light
+            lit = np.flatnonzero(light > 0)
+            if not lamp.shadow or not len(lit):
+                continue
+            some = receivers.only(lit)
+            u, v = (shifted(pattern[:, k, None], some.shifts[k]).reshape(-1) for k in (0, 1))
+            p = origins[:, :, lit].reshape(3, -1)
+            normals = [np.tile(rows, (1, count)) for rows in some.normals]
+            found, share = shoot(lamp, p, normals, u, v, visibility)
+            probes.put(index, some.ids, found.reshape(count, -1), share.reshape(len(share), count, -1))
+
+    return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
+
+
+def _shadow(
+    lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+) -> Fractions[Float32]:
+    """The share (C, T) of a lamp's light that arrives; yields the share done."""
+    workers = settings.workers
+    own = Shades(probes.low[index], probes.high[index])
+    near = yield from scaled(pooled(own, texels, POOL, workers), 0, 0.1)
+    ratio = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], visibility.channels, axis=0)
+    lit = probes.light[index] > 0
+    asked = near.disagree()
+    if probes.share is not None:
+        dimmed = ~asked & (near.low > 0) & (near.high > 0) & (near.high < 255)
+        asked |= dimmed & (own.low > own.high)  # its neighbours are dimmed, it has no probe of its own
+        ratio[:, dimmed] = probes.share[index][:, dimmed]
+    partly = np.flatnonzero(asked & lit)
+    noise = np.zeros_like(ratio)
+    rays = settings.steps.shadow_rays
+    tracing = trace_partly(lamp, texels, partly, lit, ratio, noise, visibility, rays, workers)
+    penumbra = yield from scaled(tracing, 0.1, 0.8)
+    if lamp.extended:
+        for channel, (shares, variances) in enumerate(zip(ratio, noise, strict=True)):
+            steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)
+            low, high = (0.8 + 0.2 * each / len(ratio) for each in (channel, channel + 1))
+            yield from scaled(steps, low, high)
+    return ratio

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether neighbouring texels see the same of a lamp: what a few samples of each found, pooled over the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Float32
+from ..chunks import Fractions, in_chunks
+from ..geometry.texels import Texels
+
+Bytes: TypeAlias = NDArray[np.uint8]
+
+BAND = 512
+"""Rows of a page whose samples are pooled in one go."""
+
+
+def shade_codes(share: Float32) -> Bytes:
+    """A number (R,) for each share (C, R) of light: 0 for none, 255 for all, alike for like shares between.
+
+    Few colours look alike to the weights of its channels.
+    """
+    mixed = share[0]
+    if len(share) > 1:
+        mixed = share[0] * np.float32(0.51) + share[1] * np.float32(0.28) + share[2] * np.float32(0.21)
+    codes: Bytes = np.ceil(mixed * np.float32(254)).astype(np.uint8)
+    codes[share.min(0) >= 1] = 255
+    return codes
+
+
+@dataclass(frozen=True, eq=False)
+class Shades:
+    """What samples of T texels, or of the squares of pixels about them, saw of a lamp.
+
+    Attributes:
+        low, high: (T,) uint8, least and greatest of the samples' `shade_codes`; 255 and 0 where there are none
+    """
+
+    low: Bytes
+    high: Bytes
+
+    def disagree(self) -> Bools:
+        """(T,) bool, where some samples saw more of the lamp than others."""
+        mixed: Bools = self.low < self.high
+        return mixed
+
+
+def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
+    """The shades in squares of `2 reach + 1` pixels of a page."""
+    size = texels.size
+    bands = -(-size // BAND)
+    near = Shades(np.empty_like(shades.low), np.empty_like(shades.high))
+
+    def work(start: int, stop: int) -> None:
+        page, band = divmod(start, bands)
+        first, last = band * BAND, min((band + 1) * BAND, size)
+        low, high = max(first - reach, 0), min(last + reach, size)
+        base = page * size * size
+        ends = np.searchsorted(texels.pixel, [base + row * size for row in (low, first, last, high)])
+        place = texels.pixel[ends[0] : ends[3]] - (base + low * size)
+        own = slice(ends[1] - ends[0], ends[2] - ends[0])
+        for extreme, none, codes, found in (
+            (np.minimum, 255, shades.low, near.low),
+            (np.maximum, 0, shades.high, near.high),
+        ):
+            image = np.full((high - low) * size, none, np.uint8)
+            image[place] = codes[ends[0] : ends[3]]
+            found[ends[1] : ends[2]] = _over_squares(extreme, image.reshape(-1, size), reach).reshape(-1)[place[own]]
+
+    yield from in_chunks(work, texels.page_count * bands, 1, workers)
+    return near
+
+
+def _over_squares(extreme: np.ufunc, image: Bytes, reach: int) -> Bytes:
+    """Least or greatest values in squares of 2 reach + 1 pixels."""
+    for axis in (0, 1):
+        found = image.copy()
+        ahead, behind = np.moveaxis(found, axis, 0), np.moveaxis(image, axis, 0)
+        for step in range(1, reach + 1):
+            extreme(ahead[step:], behind[:-step], out=ahead[step:])
+            extreme(ahead[:-step], behind[step:], out=ahead[:-step])
+        image = found
+    return image

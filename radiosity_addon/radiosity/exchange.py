@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light between surfaces: texels are grouped into patches, which exchange light until none is left unshot."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Float64, Int32
+from ..chunks import Fractions, scaled
+from ..geometry.appearance import Appearance
+from ..geometry.opacity import Opacity
+from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from ..geometry.walls import Walls
+from ..lighting.lights import Lamps
+from ..lighting.sky import Sky
+from ..scene import Scene
+from ..settings import BakeSettings
+from ..stages import Progress, StageLog
+from .bounces import bounce_limits, patch_light
+from .form_factor import trace_transport
+from .illumination import Exitance, PatchLight, first_exitance, sky_irradiance
+from .patches import Patches, group_patches
+from .relaxation import Solution
+from .solvers import SOLVERS
+from .subdivision import split, steep_patches
+from .transport import Transport
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Surfaces as they are before light passes between them.
+
+    Attributes:
+        scene: with positions relative to the surfaces' origin
+        texels, walls: where light is received, and what parts it
+        solid: (F,) bool, triangles without a back side
+        look, opacity: how texels look, and what they stop
+        lamps, sky: where light comes from
+        direct: (T, G, 3) float32, W/m2, irradiance from lamps
+    """
+
+    scene: Scene
+    texels: Texels
+    walls: Walls
+    solid: Bools
+    look: Appearance
+    opacity: Opacity | None
+    lamps: Lamps
+    sky: Sky | None
+    direct: Float32
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """The patches, their light as each gather pass reads it, and how the solver ended."""
+
+    patches: Patches
+    passes: tuple[PatchLight, ...]
+    solution: Solution
+
+
+def exchange_light(
+    start: Start, aimed: int, visibility: Visibility, settings: BakeSettings, log: StageLog
+) -> Generator[Progress, None, Exchange]:
+    """Let light pass between about `aimed` patches; where it is asked for, patches are split and all is done again."""
+    levels = None
+    for number in range(settings.subdivisions + 1):
+        aimed_now = max(1, aimed >> settings.subdivisions)
+        exchange = yield from _exchange(start, aimed_now, levels, visibility, settings, log)
+        if number < settings.subdivisions:
+            patches, light = exchange.patches, exchange.passes[-1]
+            steep = steep_patches(patches, start.look, start.direct, light.irradiance)
+            levels = split(np.zeros(start.texels.count, np.int32) if levels is None else levels, patches, steep)
+    return exchange
+
+
+def _exchange(
+    start: Start,
+    aimed: int,
+    levels: Int32 | None,
+    visibility: Visibility,
+    settings: BakeSettings,
+    log: StageLog,
+) -> Generator[Progress, None, Exchange]:
+    scene, look, workers = start.scene, start.look, settings.workers
+    glow = np.pi * look.emission
+    patches = group_patches(
+        start.texels,
+        start.walls,
+        look.reflectance,
+        glow,
+        start.solid,
+        aimed,
+        visibility,
+        workers,
+        start.opacity,
+        levels,
+    )
+    transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, start.sky))
+    sky = sky_irradiance(transport, scene)
+    exitance = first_exitance(patches, look, start.direct, sky, start.lamps, visibility, len(scene.groups))
+    between = _solve(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
+    solution, passes = yield from log.stage("Radiosity", between)
+    return Exchange(patches, passes, solution)
+
+
+def _solve(
+    log: StageLog,
+    transport: Transport,
+    patches: Patches,
+    exitance: Exitance,
+    sky: Float64,
+    limits: tuple[int | None, ...],
+    settings: BakeSettings,
+) -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
+    """Refine to the tolerance, the share done by the residual's decades; then the bounces that are counted."""
+    endless = np.array([limit is None for limit in limits])[:, None]
+    limit = {} if settings.most_steps is None else {"most_steps": settings.most_steps}
+    steps = SOLVERS[settings.solver](transport, patches, exitance.total * endless, settings.tolerance, **limit)
+    decades = -np.log(settings.tolerance)
+    while True:
+        try:
+            log.residual = next(steps).residual
+        except StopIteration as stop:
+            solution: Solution = stop.value
+            log.residual = solution.residuals[-1]
+            break
+        yield 0.9 * min(1.0, float(-np.log(max(log.residual, 1e-12)) / decades))
+    if settings.ambient:
+        solution = solution.with_ambient(patches.reflectance)
+    counted = patch_light(transport, patches, exitance, sky, solution, limits, settings.steps.gather_passes)
+    return solution, (yield from scaled(counted, 0.9, 1.0))

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes whose fronts look away from the light: a lightmap of their fronts shows little of what a room looks like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..arrays import Float64
+from ..scene import Mesh
+from .patches import Patches
+
+AWAY = 0.9
+"""Share of the light which a mesh throws back that leaves from its backs, above which its faces look away."""
+
+WORTH_SAYING = 1e-4
+"""Share of the scene's light below which nobody misses it."""
+
+
+def looking_away(patches: Patches, radiosity: Float64, meshes: Sequence[Mesh]) -> tuple[str, ...]:
+    """Warnings about one-sided meshes with a lightmap that are lit from behind.
+
+    Args:
+        radiosity: (N, G, 3), W/m2, of the patches
+    """
+    if not patches.has_backs:
+        return ()
+    owner = np.zeros(patches.count, np.int64)
+    mesh = patches.texels.surfaces.mesh[patches.texels.triangle[:, 0]]
+    for patch in (patches.back, patches.of_element[: patches.texels.count]):
+        owner[patch[patch >= 0]] = mesh[patch >= 0]
+    power = np.maximum(radiosity.sum(1) - patches.emission, 0).sum(1) * patches.area
+    behind = np.bincount(owner, power * (patches.sides < 0), minlength=len(meshes))
+    whole = np.bincount(owner, power, minlength=len(meshes))
+    away = (behind > AWAY * whole) & (behind > WORTH_SAYING * power.sum())
+    return tuple(
+        f"{mesh.name}: {share:.0%} of its light falls on the backs of its faces, which the lightmap does not show; "
+        "flip its normals, or set it two-sided"
+        for mesh, share in zip(np.array(meshes, object)[away], (behind / np.maximum(whole, 1e-300))[away], strict=True)
+        if mesh.lightmapped
+    )

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The light that leaves surfaces: before the first bounce, and as gather rays read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Float32, Float64, Int32
+from ..geometry.appearance import Appearance
+from ..geometry.visibility import Visibility
+from ..lighting.lights import Lamps, irradiance_at
+from ..lighting.sky import Sky
+from ..scene import Scene
+from .patches import Patches
+from .transport import Transport
+
+BACK_SAMPLES = 4
+"""Points at which the direct light on the back of a patch is taken."""
+
+SPECIAL_ROWS = 3
+"""Rows at the end of the radiance table for rays that met no element: BELOW, NOTHING and SKY, found by -3, -2, -1."""
+
+
+def world_radiance(scene: Scene) -> Float32:
+    """Radiance (G, 3) of the world in each light group."""
+    radiance = np.zeros((len(scene.groups), 3), np.float32)
+    radiance[scene.world.group] = scene.world.radiance
+    return radiance
+
+
+def cell_radiance(sky: Sky | None, scene: Scene) -> Float32:
+    """Radiance (C, G, 3) of the sky's cells in each light group; no cells without a sky."""
+    radiance = np.zeros((0 if sky is None else len(sky.radiance), len(scene.groups), 3), np.float32)
+    if sky is not None:
+        radiance[:, scene.world.group] = sky.radiance
+        radiance += world_radiance(scene)
+    return radiance
+
+
+def sky_irradiance(transport: Transport, scene: Scene) -> Float64:
+    """What patches get from the world (N, G, 3), W/m2: how much of their view is sky times what they see of it."""
+    light: Float64 = transport.sky[:, None, None] * np.pi * world_radiance(scene) * transport.sky_tint[:, None]
+    light[:, scene.world.group] += transport.sky[:, None] * np.pi * transport.sky_radiance
+    return light
+
+
+@dataclass(frozen=True, eq=False)
+class Exitance:
+    """What N patches send out before light passes between them; both (N, G, 3) float64, W/m2.
+
+    Attributes:
+        own: light of their own that is not sampled as a lamp
+        total: the same and reflected light of lamps and sky
+    """
+
+    own: Float64
+    total: Float64
+
+
+def first_exitance(
+    patches: Patches,
+    look: Appearance,
+    direct: Float32,
+    sky: Float64,
+    lamps: Lamps,
+    visibility: Visibility,
+    groups: int,
+) -> Exitance:
+    """What each patch sends out before any bounce: own light, and reflected light of lamps and sky."""
+    exitance = patches.mean(direct * look.reflectance[:, None, :])
+    backs = np.flatnonzero(patches.sides < 0)
+    received = np.zeros((len(backs), groups, 3))
+    texel = np.zeros(patches.count, np.int64)
+    texel[patches.back[patches.back >= 0]] = np.flatnonzero(patches.back >= 0)  # any of each back's texels
+    mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs], 0])
+    for sample in range(BACK_SAMPLES):
+        points, normals = patches.origins(backs, np.full(len(backs), sample))
+        received += irradiance_at(
+            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh
+        )
+    exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
+    exitance += sky * patches.reflectance[:, None, :]
+    own = np.zeros_like(exitance)
+    group = np.zeros(patches.count, np.int32)
+    front = patches.of_element[: patches.texels.count]
+    group[front[front >= 0]] = look.group[front >= 0]
+    back = patches.back
+    group[back[back >= 0]] = look.group[back >= 0]
+    own[np.arange(patches.count), group] = np.maximum(patches.emission, 0)
+    return Exitance(own, exitance + own)
+
+
+@dataclass(frozen=True, eq=False)
+class PatchLight:
+    """The light of N patches in G light groups, as one gather pass reads it.
+
+    Attributes:
+        irradiance: (N, G, 3) float32, W/m2, from other patches and the sky
+        radiosity: (N, G, 3) float32, W/m2
+        reflecting: (G,) bool, groups whose light surfaces reflect; of the others only their own light is seen
+    """
+
+    irradiance: Float32
+    radiosity: Float32
+    reflecting: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class Illumination:
+    """The light that rays read. G light groups.
+
+    Attributes:
+        look: reflectance and own light of texels
+        direct: (T, G, 3) float32, W/m2, from lamps
+        passes: the light of patches, for each gather pass
+        world: (G, 3) float32, W/(m2 sr), seen by rays that leave where the sky is alike everywhere
+        sky: (C, G, 3) float32, W/(m2 sr), of the cells of a sky that is not; rows after the patches'
+    """
+
+    look: Appearance
+    direct: Float32
+    passes: tuple[PatchLight, ...]
+    world: Float32
+    sky: Float32
+
+    def irradiance_of_patches(self, patches: Patches) -> Float32:
+        """Irradiance (T, G, 3), W/m2, of each texel's patch, from other patches and the sky; 0 where there is none."""
+        owner = patches.of_element[: patches.texels.count]
+        found: Float32 = self.passes[-1].irradiance[np.maximum(owner, 0)]
+        found[owner < 0] = 0
+        return found
+
+    def radiance(
+        self, number: int, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None
+    ) -> Float32:
+        """What each element sends out in a gather pass, (T + N + C + SPECIAL_ROWS, 3 G) float32, W/(m2 sr).
+
+        Args:
+            number: of the pass
+            indirect: (P, 3 G) indirect irradiance at gather points, or None to take the patches' everywhere
+            at: (T,) gather point of each texel, -1 for none; goes with `indirect`
+        """
+        light = self.passes[number]
+        count, groups = len(self.direct), self.direct.shape[1]
+        table = np.zeros((count + patches.count + len(self.sky) + SPECIAL_ROWS, groups, 3), np.float32)
+        for start in range(0, count, 1 << 16):
+            part = slice(start, min(start + (1 << 16), count))
+            patch = patches.of_element[part]
+            received = light.irradiance[np.maximum(patch, 0)]
+            if indirect is not None and at is not None:
+                fine = at[part] >= 0
+                received[fine] = indirect[at[part][fine]].reshape(-1, groups, 3)
+            received += self.direct[part]
+            received *= (self.look.reflectance[part] / np.float32(np.pi))[:, None, :]
+            received[patch < 0] = 0
+            received[:, ~light.reflecting] = 0
+            received[np.arange(len(patch)), self.look.group[part]] += self.look.emission[part]
+            table[part] = received
+        table[count : count + patches.count] = light.radiosity / np.float32(np.pi)
+        table[count + patches.count : -SPECIAL_ROWS] = self.sky
+        table[-1] = self.world
+        return table.reshape(len(table), -1)

@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Patches: groups of texels between which light is transported, the finite elements of the method.
+
+Texels are grouped by cells of a world-space grid, so patches follow the surface and the wanted fineness, not the
+modeller's triangles or the borders of charts. Surfaces that can be seen from behind have patches of that side too.
+
+What a ray meets is an "element": a texel's front (0 .. T - 1), the back of patch i (T + i), the sky, or nothing
+that takes part. One table of radiances, indexed by element, then serves every ray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Bools, Float32, Float64, Int32, Int64
+from ..chunks import finish
+from ..geometry.coverage import ragged
+from ..geometry.opacity import Opacity
+from ..geometry.sides import seen_side
+from ..geometry.surfaces import BLOCK
+from ..geometry.texels import BITS, STRATA, Texels
+from ..geometry.visibility import Hits, Visibility
+from ..geometry.walls import Walls, hidden, part_cells
+from ..sampling import even_uniform
+
+SKY = -1
+"""A ray that left the scene."""
+
+NOTHING = -2
+"""A ray that met something which takes no part: the inside of a solid, an invalid texel."""
+
+BACK_COARSENESS = 2.0
+"""Cells of back sides are this much wider: their light is seen only after one more bounce."""
+
+SUMMED = 1 << 16
+"""Texels summed in one go: 0.5 MB a temporary."""
+
+ORIGIN_DIMENSION = 2
+"""Dimension of the sample sequence that spreads ray origins; directions take 0 and 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """N patches, front sides first.
+
+    Attributes:
+        area: (N,) float64, m2, that stops light: of a half clear patch half of what it covers
+        reflectance: (N, 3) float32, mean over this area
+        emission: (N, 3) float32, W/m2, exitance that is not sampled as a lamp
+        of_element: (T + N,) int32, patch of each element; NOTHING for invalid texels
+        back: (T,) int32, patch behind each texel, NOTHING for solids and two-sided meshes
+        texels: the texels
+        walls: where walls stand on them
+        sides: (N,) float32, 1 for fronts, -1 for backs
+        stopping: (T,) float32, m2, area of texels that stops light
+    """
+
+    area: Float64
+    reflectance: Float32
+    emission: Float32
+    of_element: Int32
+    back: Int32
+    sides: Float32
+    texels: Texels
+    stopping: Float32
+    walls: Walls
+    _start: Int32
+    _number: Int32
+    _strata: Int32
+
+    @property
+    def count(self) -> int:
+        return len(self.area)
+
+    def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
+        """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
+        number = self._number[patches]
+        chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
+        np.minimum(chosen, number - 1, out=chosen)
+        chosen += self._start[patches]
+        surfaces = self.texels.surfaces
+        points, triangle = self.texels.stratum_points(self._strata[chosen])
+        normals = surfaces.normals(triangle)
+        if self.has_backs:
+            normals *= self.sides[patches, None]
+        points += normals * np.float32(surfaces.offset)
+        return points, normals
+
+    @property
+    def has_backs(self) -> bool:
+        return bool(len(self.sides) and self.sides[-1] < 0)
+
+    def elements(self, hits: Hits) -> Int32:
+        """The element (R,) that each ray met."""
+        hits = seen_side(self.texels.surfaces, hits)
+        found = self.texels.at(hits.triangle, hits.u, hits.v)
+        found[self.walls.behind(self.texels, found, hits)] = NOTHING
+        found[found < 0] = NOTHING
+        behind = np.flatnonzero(~hits.front & (found >= 0))
+        back = self.back[found[behind]]
+        back[back >= 0] += np.int32(self.texels.count)
+        found[behind] = back
+        found[hits.triangle < 0] = SKY
+        return found
+
+    def at(self, hits: Hits) -> Int32:
+        """The patch (R,) that each ray met, SKY or NOTHING."""
+        element = self.elements(hits)
+        met = self.of_element[np.maximum(element, 0)]
+        return np.where(element >= 0, met, element)
+
+    def mean(self, values: Float32) -> Float64:
+        """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
+        front = self.of_element[: self.texels.count]
+        taking = np.flatnonzero((front >= 0) & (self.stopping > 0)).astype(np.int32)
+        flat = values.reshape(len(values), -1)
+        owner, area = front[taking], self.stopping
+        means = _sums(owner, taking, area, flat, self.count)
+        means /= np.maximum(_sums(owner, taking, area, None, self.count), 1e-30)
+        return means.reshape(self.count, *values.shape[1:])
+
+
+def group_patches(
+    texels: Texels,
+    walls: Walls,
+    reflectance: Float32,
+    emission: Float32,
+    solid: Bools,
+    target: int,
+    visibility: Visibility,
+    workers: int = 1,
+    opacity: Opacity | None = None,
+    levels: Int32 | None = None,
+) -> Patches:
+    """Group texels into about `target` patches, none of which lies on both sides of a wall.
+
+    Texels that stop no light are in none.
+
+    Args:
+        reflectance: (T, 3) float32, of light that is stopped
+        emission: (T, 3) float32, W/m2, exitance that is not sampled as a lamp, over the area that stops light
+        solid: (F,) bool, triangles that nothing sees from behind
+        opacity: what texels stop; None: everything
+        levels: (T,) how often cells are halved at each texel, fronts alone; None: nowhere
+    """
+    stopping = texels.area if opacity is None else texels.area * opacity.share
+    taking = np.flatnonzero(texels.valid & (stopping > 0)).astype(np.int32)
+    extent = float(texels.area[taking].sum(dtype=np.float64))
+    width = float(np.sqrt(extent / max(target, 1))) or 1.0
+    hollow = ~(solid | texels.surfaces.two_sided)[texels.triangle[:, 0][taking]]
+
+    def parted(cell: Int32, count: int, chosen: Int32, first: Bools, side: int) -> tuple[Int32, int]:
+        """Cells that no wall crosses."""
+        seat = np.empty(count, np.int64)
+        seat[cell] = chosen  # any of its texels
+        whole = np.full(texels.count, -1, np.int32)
+        whole[chosen] = cell
+        whole, seat = finish(part_cells(whole, seat, first, texels, visibility, workers, side))
+        return whole[chosen], len(seat)
+
+    row, column = np.divmod(texels.pixel, texels.size)
+    some = ((row + column) & 1) == 0  # of backs, as on a chessboard: walls were looked for on fronts
+    front, fronts = parted(*_cells(texels, taking, width, levels), taking, walls.border, 1)
+    behind, backs = parted(*_cells(texels, taking[hollow], width * BACK_COARSENESS), taking[hollow], some, -1)
+    count = fronts + backs
+
+    members = np.concatenate([front, behind + np.int32(fronts)])
+    owners = np.concatenate([taking, taking[hollow]])
+    area = _sums(members, owners, stopping, None, count)[:, 0]
+
+    def means(values: Float32) -> Float32:
+        total = _sums(members, owners, stopping, values, count)
+        return (total / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
+
+    of_element = np.full(texels.count + count, NOTHING, np.int32)
+    of_element[taking] = front
+    of_element[texels.count :] = np.arange(count)
+    _join_lonely(of_element, texels, visibility)
+    back = np.full(texels.count, NOTHING, np.int32)
+    back[taking[hollow]] = members[len(taking) :]
+    number, strata = _strata_lists(_sending(texels, opacity), members, owners, count)
+    return Patches(
+        area=area,
+        reflectance=means(reflectance),
+        emission=means(emission),
+        of_element=of_element,
+        back=back,
+        sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
+        texels=texels,
+        stopping=stopping,
+        walls=walls,
+        _start=(np.cumsum(number) - number).astype(np.int32),
+        _number=number,
+        _strata=strata,
+    )
+
+
+def _sums(members: Int32, owners: Int32, area: Float32, values: Float32 | None, count: int) -> Float64:
+    """Sums (count, C) over members (K,) of the area of their owners times `values` (T, C) there; None stands for 1."""
+    width = 1 if values is None else values.shape[1]
+    total = np.zeros((count, width))
+    for start in range(0, len(members), SUMMED):
+        part = slice(start, start + SUMMED)
+        member, own = members[part], owners[part]
+        weight = area[own].astype(np.float64)
+        for column in range(width):
+            weights = weight if values is None else weight * values[own, column]
+            total[:, column] += np.bincount(member, weights=weights, minlength=count)
+    return total
+
+
+def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None) -> Int64:
+    """One number for each texel (C,): equal for texels of one cell, facing, material and connected surface."""
+    surfaces = texels.surfaces
+    deepest = 0 if levels is None else int(levels.max(initial=0))
+    coarse, width = width, width / 2**deepest
+    flat = surfaces.corners.reshape(-1, 3)
+    low = np.floor(flat.min(0) / width).astype(np.int64) - 1
+    sizes = np.floor(flat.max(0) / width).astype(np.int64) - low + 2
+    label = surfaces.component.astype(np.int64) * (int(surfaces.material.max()) + 1) + surfaces.material
+    keys = np.empty(len(chosen), np.int64)
+    for start in range(0, len(chosen), BLOCK):
+        own = chosen[start : start + BLOCK]
+        key = label[texels.triangle[own, 0]] * 6
+        key += _facing(*np.ascontiguousarray(texels.normal[own].T))
+        finest: Float32 | np.float32 = np.float32(width)
+        if levels is not None:
+            key = key * (deepest + 1) + levels[own]
+            finest = (coarse / (1 << levels[own])).astype(np.float32)
+        for place, least, size in zip(texels.position[own].T, low, sizes, strict=True):
+            key *= size
+            key += np.floor(place / finest).astype(np.int64)
+            key -= least
+        keys[start : start + BLOCK] = key
+    return keys
+
+
+def _facing(x: Float32, y: Float32, z: Float32) -> Int64:
+    """0 to 5: along which axis, forward or backward, normals (C,) point most."""
+    wide, tall, deep = np.abs(x), np.abs(y), np.abs(z)
+    axis = np.where(deep > np.maximum(wide, tall), 2, np.where(tall > wide, 1, 0))
+    value = np.choose(axis, (x, y, z))
+    return axis * 2 + (value < 0)
+
+
+def mixed_radix(*parts: Int32 | Int64) -> Int64:
+    """One number for each tuple of integers; 10^5 components x 10^3 materials x 6 facings x 10^8 cells fit."""
+    key = np.zeros(len(parts[0]), np.int64)
+    for part in parts:
+        low = int(part.min(initial=0))
+        key *= int(part.max(initial=0)) - low + 1
+        key += part
+        key -= low
+    return key
+
+
+def _cells(texels: Texels, chosen: Int32, width: float, levels: Int32 | None = None) -> tuple[Int32, int]:
+    """Number of the cell of each chosen texel (C,), and how many cells there are."""
+    key = _cell_keys(texels, chosen, width, levels)
+    begin, length = _runs(key)
+    names, cell = np.unique(key[begin], return_inverse=True)
+    return np.repeat(cell.reshape(-1).astype(np.int32), length), len(names)
+
+
+def _runs(values: Int64 | Int32) -> tuple[Int64, Int64]:
+    """Where runs of equal values begin, and how long they are. Texels come row by row, so there are few to sort."""
+    ends = np.flatnonzero(values[1:] != values[:-1]) + 1
+    begin = np.append(0, ends)[: len(values)]
+    return begin, np.diff(np.append(begin, len(values)))
+
+
+def _join_lonely(of_element: Int32, texels: Texels, visibility: Visibility) -> None:
+    """Give valid texels without area of their own, beside charts, the patch of a texel next to them that they see."""
+    lonely = np.flatnonzero(texels.valid & (of_element[: texels.count] < 0))
+    known = of_element[: texels.count].copy()
+    last = len(texels.texel_at) - 1
+    size = texels.size
+    for step in (1, -1, size, -size, size + 1, size - 1, 1 - size, -1 - size):
+        beside = texels.texel_at[np.clip(texels.pixel[lonely] + step, 0, last)]
+        found = np.where(beside >= 0, known[beside], NOTHING)
+        walled = np.flatnonzero(texels.crossed[lonely] & (found >= 0))
+        found[walled[hidden(texels, lonely[walled], beside[walled], visibility)]] = NOTHING
+        of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
+
+
+def _strata_lists(sending: NDArray[np.uint8], members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
+    """Strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,).
+
+    Args:
+        sending: (T,) uint8, strata that send light, as bits
+    """
+    number = np.zeros(count)
+    for start in range(0, len(members), SUMMED):
+        part = slice(start, start + SUMMED)
+        number += np.bincount(members[part], weights=BITS[sending[owners[part]]], minlength=count)
+    begin, length = _runs(members)
+    order = np.argsort(members[begin], kind="stable")
+    begin, length = begin[order], length[order]
+    strata = np.empty(int(number.sum()), np.int32)
+    slots = np.arange(STRATA, dtype=np.int32)
+    cuts = np.searchsorted(np.cumsum(length), np.arange(0, len(members), BLOCK))
+    done = 0
+    for first, last in pairwise([*cuts, len(begin)]):
+        own = owners[ragged(begin[first:last], length[first:last])]
+        chosen = ((sending[own][:, None] >> slots) & 1) > 0
+        found = (own[:, None] * np.int32(STRATA) + slots)[chosen]
+        strata[done : done + len(found)] = found
+        done += len(found)
+    return number.astype(np.int32), strata
+
+
+def _sending(texels: Texels, opacity: Opacity | None) -> NDArray[np.uint8]:
+    """Strata that send light, as bits (T,); texels beside charts stand in one place."""
+    covered = np.maximum(texels.covered, 1)
+    if opacity is None:
+        return covered
+    some = covered & opacity.strata
+    return np.where(some, some, covered)

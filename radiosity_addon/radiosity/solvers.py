@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ways of solving the radiosity equation: in which order, and how much, patches shoot.
+
+All take the transport between N patches, the patches for their reflectance, the exitance (N, G, 3), W/m2, that they
+start with, the residual at which to end, and the steps after which to end even so. They yield the state after each step
+and return the solution; all end at the same one.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import Float64, Floats, Int64
+from ..errors import SettingsError
+from ..settings import SolverName
+from .patches import Patches
+from .relaxation import Refinement, UnshotLight, relax
+from .transport import Transport
+
+SHOOTING_SHARE = 0.1
+"""A step shoots each patch whose unshot power is at least this share of the largest. Higher ones send a little less
+light twice, but in many more steps; at 0.1 a room takes as many steps as bounces, the fewest that are possible."""
+
+MOST_STEPS = 500
+"""Steps after which block refinement stops unfinished; a closed room of reflectance 0.99 is then at 0.7 %."""
+
+MOST_SWEEPS = 5000
+"""Steps of all patches after which the others stop unfinished."""
+
+MOST_SINGLE_SHOTS = 1_000_000
+"""Shots after which one-patch refinement stops unfinished."""
+
+MOST_DENSE = 8000
+"""Patches of which a full matrix, 0.5 GB and as much again for its factors, can be thought of."""
+
+
+class Solver(Protocol):
+    """A way of solving the radiosity equation."""
+
+    def __call__(
+        self,
+        transport: Transport,
+        patches: Patches,
+        exitance: Floats,
+        tolerance: float = 1e-3,
+        most_steps: int = MOST_STEPS,
+    ) -> Refinement:
+        """Yield the state after each step, and return the solution."""
+        ...
+
+
+def progressive(
+    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_STEPS
+) -> Refinement:
+    """Block progressive refinement: all patches above a falling threshold of unshot power shoot at once.
+
+    The shots are those of Cohen, Chen, Wallace and Greenberg (1988), as many in a step as serve alike.
+    """
+    threshold = np.inf
+
+    def step(light: UnshotLight) -> Int64:
+        nonlocal threshold
+        power = light.power(light.unshot)
+        threshold = min(threshold, SHOOTING_SHARE * float(power.max()))
+        chosen = np.flatnonzero(power >= threshold)
+        light.shoot(chosen, light.unshot[chosen])
+        return chosen
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+def southwell(
+    transport: Transport,
+    patches: Patches,
+    exitance: Floats,
+    tolerance: float = 1e-3,
+    most_steps: int = MOST_SINGLE_SHOTS,
+) -> Refinement:
+    """Progressive refinement as first published: the patch with the most unshot power shoots alone.
+
+    It is Southwell's relaxation (Gortler, Cohen and Slusallek 1994).
+    """
+
+    def step(light: UnshotLight) -> Int64:
+        chosen = light.power(light.unshot).argmax(keepdims=True)
+        light.shoot(chosen, light.unshot[chosen])
+        return chosen
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+def overshooting(
+    transport: Transport,
+    patches: Patches,
+    exitance: Floats,
+    tolerance: float = 1e-3,
+    most_steps: int = MOST_SINGLE_SHOTS,
+) -> Refinement:
+    """One patch at a time shoots what it has and what it is likely to get (Feda and Purgathofer 1992).
+
+    It adds its share of the ambient light, that is of all unshot light reflected for ever in a closed room of even
+    brightness. It then has less than nothing left, and receives the rest in time.
+    """
+
+    def step(light: UnshotLight) -> Int64:
+        wanted = light.unshot + light.reflectance * light.ambient()
+        chosen = light.power(wanted).argmax(keepdims=True)
+        light.shoot(chosen, wanted[chosen])
+        return chosen
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+def gauss_seidel(
+    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
+) -> Refinement:
+    """Gauss-Seidel iteration, in its shooting form: in a step each patch shoots in turn, by its number.
+
+    What a patch has received in this step it shoots too, which gathering row by row with the newest values does alike.
+    """
+
+    def step(light: UnshotLight) -> Int64:
+        for patch in range(len(light.unshot)):
+            if light.unshot[patch].any():
+                light.shoot(np.array([patch]), light.unshot[[patch]])
+        return np.arange(len(light.unshot))
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+def jacobi(
+    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
+) -> Refinement:
+    """Jacobi iteration: all patches shoot in every step, so that step k holds the first k bounces and no more."""
+
+    def step(light: UnshotLight) -> Int64:
+        everyone = np.arange(len(light.unshot))
+        light.shoot(everyone, light.unshot.copy())
+        return everyone
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+def conjugate_gradient(
+    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
+) -> Refinement:
+    """Conjugate gradients (Hestenes and Stiefel 1952), for rooms of high reflectance (Baranoski et al. 1995).
+
+    A / rho - K is symmetric and positive definite: the equation times A / rho. Its diagonal as preconditioner turns the
+    residual into the unshot light itself. Patches that reflect nothing shoot their exitance at first, and then rest.
+    """
+    light = UnshotLight(transport, patches, exitance)
+    area = transport.area[:, None]
+    weight = np.divide(area, light.reflectance, out=np.zeros_like(light.reflectance), where=light.reflectance > 0)
+    direction = np.zeros_like(light.unshot)
+    product = np.ones(light.unshot.shape[1])
+    everyone = np.arange(len(light.unshot))
+    begun = False
+
+    def step(light: UnshotLight) -> Int64:
+        nonlocal direction, product, begun
+        if not begun:
+            begun = True
+            light.shoot(everyone, light.unshot.copy())
+            product = (weight * light.unshot**2).sum(0)
+            direction = light.unshot.copy()
+            return everyone
+        received = transport.gather(direction)
+        curvature = (direction * (weight * direction - received * (weight > 0))).sum(0)
+        length = np.divide(product, curvature, out=np.zeros_like(product), where=curvature > 0)
+        light.shoot(everyone, direction * length, received * length)
+        before, product = product, (weight * light.unshot**2).sum(0)
+        direction = light.unshot + direction * np.divide(product, before, out=np.zeros_like(before), where=before > 0)
+        return everyone
+
+    return relax(light, step, tolerance, most_steps)
+
+
+def dense(
+    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = 2
+) -> Refinement:
+    """Elimination on the full matrix I - rho F: one step, and a second that mends its rounding.
+
+    Raises:
+        SettingsError: there are too many patches
+    """
+    if transport.count > MOST_DENSE:
+        raise SettingsError(
+            "Solver",
+            f"a full matrix of {transport.count:,} patches is too large, it may have {MOST_DENSE:,}",
+            "Choose another solver, or a lower quality",
+        )
+    exchange = transport.dense() / transport.area[:, None]
+
+    def step(light: UnshotLight) -> Int64:
+        everyone = np.arange(transport.count)
+        amount: Float64 = np.empty_like(light.unshot)
+        for channel in range(3):
+            columns = slice(channel, None, 3)
+            matrix = np.eye(transport.count) - light.reflectance[:, [channel]] * exchange
+            amount[:, columns] = np.linalg.solve(matrix, light.unshot[:, columns])
+        light.shoot(everyone, amount)
+        return everyone
+
+    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+
+
+SOLVERS: dict[SolverName, Solver] = {
+    "progressive": progressive,
+    "southwell": southwell,
+    "overshooting": overshooting,
+    "gauss-seidel": gauss_seidel,
+    "jacobi": jacobi,
+    "conjugate-gradient": conjugate_gradient,
+    "dense": dense,
+}
+"""By the names that a user gives."""
