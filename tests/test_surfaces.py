@@ -31,6 +31,28 @@ def test_a_box_without_a_side_is_open():
     assert not flatten(Scene((open_box,), GREY)).closed.any()
 
 
+def with_a_vertex_on_an_edge(off):
+    """A tetrahedron with a vertex on one edge, `off` aside of it, that only one of both faces there has."""
+    return welded_mesh(
+        [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, off, 0)],
+        [(0, 2, 1), (0, 4, 3), (4, 1, 3), (0, 3, 2), (1, 2, 3)],
+    )
+
+
+def test_a_slit_where_a_triangle_without_area_was_leaves_a_body_closed():
+    assert flatten(Scene((with_a_vertex_on_an_edge(0.0),), GREY)).closed.all()
+
+
+def test_a_slit_with_any_width_opens_a_body():
+    assert not flatten(Scene((with_a_vertex_on_an_edge(1e-4),), GREY)).closed.any()
+
+
+def test_a_slit_in_one_body_leaves_the_wide_rim_of_another_open():
+    sheet = mesh_of("Sheet", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0))], [0])
+    surfaces = flatten(Scene((sheet, with_a_vertex_on_an_edge(0.0)), GREY))
+    assert surfaces.closed.tolist() == [False] * 2 + [True] * 5
+
+
 def test_an_edge_of_three_faces_is_not_closed():
     ring = welded_mesh(
         [(0, 0, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (-1, -1, 0)],

@@ -21,6 +21,8 @@ FLAT = 1e-4
 BLOCK = 1 << 14
 """Points are interpolated in blocks of so many, whose temporaries (64 KB each) stay in cache."""
 
+SLIT = 1e-6
+"""The rim of a slit strays from a line by less than this share of its length."""
 
 _OF_TRIANGLES = (
     "corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "met", "casts", "front",
@@ -40,7 +42,7 @@ class Surfaces:
         material: (F,) int32, index into Scene.materials
         first: (M + 1,) int64, where each mesh's triangles begin
         component: (F,) int32, connected part of a mesh, counted through all meshes
-        closed: (F,) bool, every edge of the component is shared by exactly two triangles
+        closed: (F,) bool, every edge of the component is shared by exactly two triangles, or is of a slit's rim
         met: (F,) bool, light between surfaces meets it
         casts: (F,) bool, it stops the light of lamps
         front: (F,) int32, of a twin the triangle whose back it is, of others themselves
@@ -236,9 +238,31 @@ def _components(scene: Scene) -> tuple[Int32, Bools]:
     bounds = np.flatnonzero(np.concatenate([[len(keys) > 0], keys[1:] != keys[:-1], [True]]))
     shared = np.empty(len(keys), np.int64)
     shared[order] = np.repeat(np.diff(bounds), np.diff(bounds))
-    single = (shared != 2).reshape(3, -1).any(axis=0)
-    open_part = np.bincount(part, weights=single, minlength=1) > 0
+    ajar = shared != 2
+    rim = np.flatnonzero(shared == 1)
+    if len(rim):
+        triangle, corner = rim % len(triangles), rim // len(triangles)
+        ends = np.stack([triangles[triangle, corner], triangles[triangle, (corner + 1) % 3]], axis=1)
+        places = _joined([mesh.vertices[mesh.triangles] for mesh in scene.meshes], (0, 3, 3), np.float64)
+        ajar[rim] = _wide(ends, np.stack([places[triangle, corner], places[triangle, (corner + 1) % 3]], axis=1))
+    open_part = np.bincount(part, weights=ajar.reshape(3, -1).any(axis=0), minlength=1) > 0
     return part.astype(np.int32), ~open_part[part]
+
+
+def _wide(edges: Int64, places: Float64) -> Bools:
+    """(E,) whether the rim that an edge, with `places` (E, 2, 3) of its vertices (E, 2), is part of encloses anything.
+
+    A rim whose vertices are on one line is a slit: triangles without area were there, as at the top of a letter T.
+    """
+    rim = islands(edges[:, [0, 1, 1]])
+    first = places[np.unique(rim, return_index=True)[1], 0]
+    gap = places - first[rim][:, None]
+    order = np.lexsort((np.linalg.norm(gap, axis=2).max(1), rim))
+    last = order[np.append(np.diff(rim[order]) != 0, True)]
+    way = gap[last, np.linalg.norm(gap[last], axis=2).argmax(1)]
+    square = np.maximum((way**2).sum(1), 1e-300)
+    off = np.linalg.norm(np.cross(gap, way[rim][:, None]), axis=2).max(1) / square[rim]
+    return np.asarray(np.bincount(rim, weights=off > SLIT)[rim] > 0)
 
 
 def _edge_keys(start: Int64, stop: Int64, count: int) -> Int64:
