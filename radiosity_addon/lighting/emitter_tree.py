@@ -27,8 +27,8 @@ TABULATED = 256
 LOOK_UP = 1 << 14
 """Receivers looked up in one go."""
 
-COHERENT = 0.93
-"""Least length of a branch's summed normals over its area: a cone of 31 degrees. Wider ones are split."""
+COHERENT = 0.97
+"""Least length of a branch's summed normals over its area: a cone of 20 degrees. Wider ones are split."""
 
 BLOCK = 256
 """Receivers, near each other, that share a cut through the tree."""
@@ -50,7 +50,10 @@ class EmitterTree:
         normal: (N, 3) float32, unit, mean
         area: (N,) float32, m2
         projected: (N,) float32, m2, the area seen along the mean normal
-        spread: (N,) float32, half width of the even spread of cosines that has the variance of the normals' cone
+        spread: (N,) float32, half width of the even spread of cosines that has the variance of the normals, along
+            the direction square to `normal` in which they vary least
+        turn: (N, 3) float32, the direction in which they vary most, as long as adds to `spread`, squared, what it has
+            there; a tube's normals turn about its axis only
         coherent: (N,) bool, all faces look nearly one way
         brightness: (N,) float32, mean radiance as a share of the emitter's, or None where all shine alike
         leaves: number of the first leaf
@@ -63,6 +66,7 @@ class EmitterTree:
     area: Float32
     projected: Float32
     spread: Float32
+    turn: Float32
     coherent: Bools
     brightness: Float32 | None
     leaves: int
@@ -81,18 +85,20 @@ class EmitterTree:
             light[place] = brightness
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
         area, power, vector, moment = np.zeros(nodes), np.zeros(nodes), np.zeros((nodes, 3)), np.zeros((nodes, 3))
+        square = np.zeros((nodes, 3, 3))
         low, high = np.full((nodes, 3), np.inf), np.full((nodes, 3), -np.inf)
         own = slice(leaves, nodes)
         area[own], vector[own] = np.linalg.norm(cross, axis=1), cross
         power[own] = area[own] * light
         moment[own] = corners.mean(1) * power[own, None]
+        square[own] = cross[:, :, None] * cross[:, None] / np.maximum(area[own], 1e-300)[:, None, None]
         full = area[own, None] > 0
         low[own], high[own] = np.where(full, corners.min(1), np.inf), np.where(full, corners.max(1), -np.inf)
         level = leaves // 2
         while level:
             node = slice(level, 2 * level)
             left, right = slice(2 * level, 4 * level, 2), slice(2 * level + 1, 4 * level, 2)
-            for total in (area, power, vector, moment):
+            for total in (area, power, vector, moment, square):
                 total[node] = total[left] + total[right]
             low[node], high[node] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
             level //= 2
@@ -100,15 +106,19 @@ class EmitterTree:
         centre = moment / np.where(filled, power, 1)[:, None]
         length = np.linalg.norm(vector, axis=1)
         share = np.minimum(length / np.where(filled, area, 1), 1)
+        normal = vector / np.maximum(length, 1e-300)[:, None]
+        scale = np.where(filled, area, 1) * np.maximum(share, COHERENT) ** 2  # others are never points
+        spread, turn = _cone(normal, square / scale[:, None, None])
         reach = np.where(filled[:, None], np.maximum(high - centre, centre - low), 0)
         return cls(
             corners=corners.astype(np.float32),
             centre=centre.astype(np.float32),
             radius=np.linalg.norm(reach, axis=1).astype(np.float32),
-            normal=(vector / np.maximum(length, 1e-300)[:, None]).astype(np.float32),
+            normal=normal.astype(np.float32),
             area=area.astype(np.float32),
             projected=length.astype(np.float32),
-            spread=np.sqrt(np.maximum(0.75 * (1 - (2 * share - 1) ** 2), 1e-8)).astype(np.float32),
+            spread=spread.astype(np.float32),
+            turn=turn.astype(np.float32),
             coherent=filled & (share > COHERENT),
             brightness=None if brightness is None else (power / np.where(filled, area, 1)).astype(np.float32),
             leaves=leaves,
@@ -265,16 +275,22 @@ class MeshLamp(PanelLamp):
         """Ways from points p (3, B) to nodes seen as points, and their light by way's length, (K, B) each.
 
         A node's normals fill a cone: its light does not end where the mean normal's cosine does, it fades over the
-        cone, as that of a sphere's cap does. Its extent is that of a disc, to second order.
+        cone, as that of a sphere's cap or of a strip of a tube does. Its extent is that of a disc, to second order.
         """
         assert self.tree is not None
         centre, normal = self.tree.centre[nodes][:, :, None], self.tree.normal[nodes][:, :, None]
-        area, spread = self.tree.projected[nodes][:, None], self.tree.spread[nodes][:, None]
+        area, turn = self.tree.projected[nodes][:, None], self.tree.turn[nodes][:, :, None]
         way = [centre[:, k] - p[k] for k in range(3)]
         square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
         np.maximum(square, TOUCHING, out=square)
         facing = -(way[0] * normal[:, 0] + way[1] * normal[:, 1] + way[2] * normal[:, 2])
-        facing /= np.sqrt(square)
+        distance = np.sqrt(square)
+        facing /= distance
+        spread = way[0] * turn[:, 0] + way[1] * turn[:, 1] + way[2] * turn[:, 2]
+        spread /= distance
+        spread *= spread
+        spread += self.tree.spread[nodes][:, None] ** 2
+        np.sqrt(spread, out=spread)
         both = self._both(p)
         if both.any():
             facing = np.where(both, np.abs(facing), facing)
@@ -283,12 +299,14 @@ class MeshLamp(PanelLamp):
         light *= light
         light /= 4 * spread
         np.maximum(facing, light, out=light)
+        if both.any():
+            light = np.where(both, 2 * light - facing, light)  # those of both signs
         light *= area
         extent = 3 * facing * facing
         extent -= 2
         extent *= area / np.float32(np.pi)
         extent += square
-        extent *= np.sqrt(square)
+        extent *= distance
         light /= extent
         if self.tree.brightness is not None:
             light *= self.tree.brightness[nodes][:, None]
@@ -310,6 +328,22 @@ class MeshLamp(PanelLamp):
                 light *= self.tree.brightness[self.tree.leaves + part][:, None]
             total += light.sum(0)
         return total
+
+
+def _cone(normal: Float64, square: Float64) -> tuple[Float64, Float64]:
+    """How unit normals spread about their mean: `EmitterTree.spread` and `turn`.
+
+    An even spread of cosines of half width w has the variance w^2 / 3.
+
+    Args:
+        normal: (N, 3), the mean's direction
+        square: (N, 3, 3), mean of the normals' outer products over the mean's squared length
+    """
+    across = np.eye(3) - normal[:, :, None] * normal[:, None]
+    variance, axes = np.linalg.eigh(across @ square @ across)
+    least, most = variance[:, 1], variance[:, 2]  # the first one is along the normal
+    spread = np.sqrt(np.maximum(3 * least, 1e-8))
+    return spread, axes[:, :, 2] * np.sqrt(3 * np.maximum(most - least, 0))[:, None]
 
 
 def _ball(points: Float32) -> tuple[Float32, np.float32]:

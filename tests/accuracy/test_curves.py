@@ -18,6 +18,8 @@ from tests.test_bake import lit
 SAMPLES = 4096
 RING, TUBE, HEIGHT = 1.0, 0.25, 0.9
 """Of Blender's own torus, and where it floats, m."""
+AROUND = 9
+"""Texels about a probe whose light is fitted there, so that it matters little where they happen to lie."""
 
 
 def painted(name: str, kind: str, value: float) -> bpy.types.Material:
@@ -57,10 +59,10 @@ def probes() -> Probes:
     x, y = np.meshgrid(np.linspace(-2.2, 2.2, 6), np.linspace(-2.2, 2.2, 6))
     floor = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
     torus = bpy.data.objects["SurfTorus"].evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    step = len(torus.vertices) // 64
-    chosen = [torus.vertices[k] for k in range(0, len(torus.vertices), step)]
-    normal = np.array([vertex.normal for vertex in chosen])
-    place = np.array([vertex.co for vertex in chosen]) + [0, 0, HEIGHT] + 1e-3 * normal
+    faces = torus.polygons
+    chosen = [faces[int(k)] for k in (np.arange(96) * (np.sqrt(5) - 1) / 2 % 1) * len(faces)]  # on all rings of it
+    normal = np.array([face.normal for face in chosen])
+    place = np.array([face.center for face in chosen]) + [0, 0, HEIGHT] + 1e-3 * normal
     names = np.array(["Plane"] * len(floor) + ["SurfTorus"] * len(place))
     up = np.repeat([[0.0, 0.0, 1.0]], len(floor), axis=0)
     return Probes(names, np.concatenate([floor, place]), np.concatenate([up, normal]))
@@ -75,11 +77,12 @@ def test_light_on_curves_and_from_them_is_that_of_cycles(gallery: None) -> None:
     ours = []
     for name, position, normal in zip(found.object, found.position, found.normal, strict=True):
         near = np.flatnonzero((names == name) & (bake.normal @ normal > 0.7))
-        four = near[np.argsort(((bake.position[near] - position) ** 2).sum(axis=1))[:4]]
-        ours.append(bake.light[four, 0].mean())
+        about = near[np.argsort(((bake.position[near] - position) ** 2).sum(axis=1))[:AROUND]]
+        plane = np.column_stack([np.ones(AROUND), bake.position[about] - position])
+        ours.append(np.linalg.lstsq(plane, bake.light[about, 0], rcond=1e-3)[0][0])
     theirs = reference[0, :, 0]
     error = (np.array(ours) - theirs) / theirs.mean()
-    assert abs(error.mean()) < 0.025  # 1.3 % of it: a near tube's sum over a tree of its faces
-    assert np.sqrt((error**2).mean()) < 0.045
+    assert abs(error.mean()) < 0.005
+    assert np.sqrt((error**2).mean()) < 0.025  # Cycles' own noise is 0.012
     on_floor = found.object == "Plane"
-    assert abs(error[on_floor].mean()) < 0.01
+    assert abs(error[on_floor].mean()) < 0.005
