@@ -36,6 +36,10 @@ NOTHING = -2
 BACK_COARSENESS = 2.0
 """Cells of back sides are this much wider: their light is seen only after one more bounce."""
 
+LAYER = 0.1
+"""Texels of a cell that lie this share of its width off its mean plane are a cell of their own: the front of one flank
+of a folded sheet faces as the back of the next one does, and they may see a sun and a room."""
+
 SUMMED = 1 << 16
 """Texels summed in one go: 0.5 MB a temporary."""
 
@@ -260,10 +264,38 @@ def mixed_radix(*parts: Int32 | Int64) -> Int64:
 
 def _cells(texels: Texels, chosen: Int32, width: float, levels: Int32 | None = None) -> tuple[Int32, int]:
     """Number of the cell of each chosen texel (C,), and how many cells there are."""
-    key = _cell_keys(texels, chosen, width, levels)
+    cell, count = _numbered(_cell_keys(texels, chosen, width, levels))
+    layer = _layers(texels, chosen, cell, count, width, levels)
+    return _numbered(mixed_radix(cell, layer)) if layer.any() else (cell, count)
+
+
+def _numbered(key: Int64) -> tuple[Int32, int]:
+    """Number of each key (C,) in their order, and how many there are."""
     begin, length = _runs(key)
-    names, cell = np.unique(key[begin], return_inverse=True)
-    return np.repeat(cell.reshape(-1).astype(np.int32), length), len(names)
+    names, number = np.unique(key[begin], return_inverse=True)
+    return np.repeat(number.reshape(-1).astype(np.int32), length), len(names)
+
+
+def _layers(texels: Texels, chosen: Int32, cell: Int32, count: int, width: float, levels: Int32 | None) -> Int32:
+    """Layer of its cell (C,) that each chosen texel (C,) lies in, 0 about the mean plane."""
+    blocks = [slice(start, start + SUMMED) for start in range(0, len(chosen), SUMMED)]
+    sums = np.zeros((7, count))
+    for part in blocks:
+        own = chosen[part]
+        sums[6] += np.bincount(cell[part], minlength=count)
+        for row, values in enumerate((*texels.normal[own].T, *texels.position[own].T)):
+            sums[row] += np.bincount(cell[part], values, count)
+    normal, centre = sums[:3], sums[3:6] / sums[6]
+    normal /= np.maximum(np.sqrt((normal**2).sum(0)), 1e-30)
+    level = (normal * centre).sum(0)
+    layer = np.zeros(len(chosen), np.int32)
+    for part in blocks:
+        own, owner = chosen[part], cell[part]
+        height = sum(axis[owner] * along for axis, along in zip(normal, texels.position[own].T, strict=True))
+        height -= level[owner]
+        finest = width if levels is None else width / (1 << levels[own])
+        layer[part] = np.rint(height / (LAYER * finest))
+    return layer
 
 
 def _runs(values: Int64 | Int32) -> tuple[Int64, Int64]:
