@@ -16,11 +16,18 @@ SAME_SIDE = 0.5
 FARTHEST = 5e-4
 """A probe may be this far from its surface, as a share of the distance between the outermost probes: splines that are
 evaluated more finely than Blender does lie a little aside of its triangles."""
+READING = 1.5
+"""A bilinear reading takes in texels whose far edges are this many texels away. Where another object stands so near,
+its contact shadow changes within what one texel holds, and what is read depends on how the grid happens to lie."""
+LEVEL = 0.01
+"""What rises less than this share of that distance over a probe's surface lies in it."""
 
 
 @dataclass(frozen=True)
 class Comparison:
     """Errors at N probes, as shares of the mean reference.
+
+    All but `error` leave out probes beside which another object stands; see `READING`.
 
     Attributes:
         rms: root mean square error of the luminance
@@ -28,6 +35,7 @@ class Comparison:
         rms_rgb, bias_rgb: (3,) the same for each channel over its own mean
         percentile_99: of the luminance's absolute error
         error: (N,) luminance error of each probe
+        crowded: (N,) bool, probes that are left out
         worst: a line on each of the five worst probes
         noise: the reference's own root mean square noise
     """
@@ -38,6 +46,7 @@ class Comparison:
     bias_rgb: np.ndarray
     percentile_99: float
     error: np.ndarray
+    crowded: np.ndarray
     worst: tuple[str, ...]
     noise: float
 
@@ -47,8 +56,10 @@ class Comparison:
 
     def row(self) -> str:
         """A line of the suite's table."""
-        shares = (self.rms, self.bias, self.percentile_99, self.noise, self.beyond(0.2))
-        return f"{len(self.error):6} " + " ".join(f"{share:7.2%}" for share in shares)
+        every = float(np.sqrt(np.mean(self.error**2)))
+        shares = (self.rms, self.bias, self.percentile_99, self.noise, self.beyond(0.2), every)
+        count = f"{len(self.error):6} {np.count_nonzero(self.crowded):3} "
+        return count + " ".join(f"{share:7.2%}" for share in shares)
 
     def __str__(self) -> str:
         channels = " ".join(f"{channel:.2%}" for channel in self.rms_rgb)
@@ -56,7 +67,7 @@ class Comparison:
         first = (
             f"RMS {self.rms:.2%} (RGB {channels}), bias {self.bias:+.2%} (RGB {biases}), "
             f"99th percentile {self.percentile_99:.2%}, noise of the reference {self.noise:.2%}, "
-            f"{len(self.error)} probes"
+            f"{len(self.error)} probes, {np.count_nonzero(self.crowded)} of them crowded"
         )
         return "\n".join([first, *self.worst])
 
@@ -67,21 +78,49 @@ def compare(baked: Baked, scene: Scene, references: References) -> Comparison:
     mean = references.value.mean(axis=0)
     error = (found - references.value) / mean
     luminance = (found - references.value) @ LUMINANCE / (mean @ LUMINANCE)
+    crowded = beside_others(scene, references, READING * references.footprint)
+    clear = np.flatnonzero(~crowded)
     worst = tuple(
         f"{luminance[probe]:+.1%} on {references.object[probe]} at {references.position[probe].round(3).tolist()}: "
         f"{found[probe].round(4).tolist()}, Cycles {references.value[probe].round(4).tolist()}"
-        for probe in np.argsort(-np.abs(luminance))[:5]
+        for probe in clear[np.argsort(-np.abs(luminance[clear]))][:5]
     )
     return Comparison(
-        rms=float(np.sqrt(np.mean(luminance**2))),
-        bias=float(luminance.mean()),
-        rms_rgb=np.sqrt(np.mean(error**2, axis=0)),
-        bias_rgb=error.mean(axis=0),
-        percentile_99=float(np.percentile(np.abs(luminance), 99)),
+        rms=float(np.sqrt(np.mean(luminance[clear] ** 2))),
+        bias=float(luminance[clear].mean()),
+        rms_rgb=np.sqrt(np.mean(error[clear] ** 2, axis=0)),
+        bias_rgb=error[clear].mean(axis=0),
+        percentile_99=float(np.percentile(np.abs(luminance[clear]), 99)),
         error=luminance,
+        crowded=crowded,
         worst=worst,
         noise=references.relative_noise,
     )
+
+
+def beside_others(scene: Scene, references: References, reach: float) -> np.ndarray:
+    """(N,) bool: probes that something of another object, above their surface, is nearer to than `reach`, m."""
+    crowded = np.zeros(len(references.position), bool)
+    for mesh in scene.meshes:
+        corners = mesh.vertices[mesh.triangles]
+        low, high = mesh.vertices.min(axis=0) - reach, mesh.vertices.max(axis=0) + reach
+        near = ((references.position > low) & (references.position < high)).all(axis=1) & ~crowded
+        for probe in np.flatnonzero(near & (references.object != mesh.name)):
+            offset = corners - references.position[probe]
+            above = offset[((offset @ references.normal[probe]) > LEVEL * reach).any(axis=1)]
+            crowded[probe] = bool((distances(above) < reach).any())
+    return crowded
+
+
+def distances(corners: np.ndarray) -> np.ndarray:
+    """Distances (F,) of triangles (F, 3, 3) from the origin."""
+    edge = np.roll(corners, -1, axis=1) - corners
+    along = np.clip(-(corners * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=2), 1e-300), 0, 1)
+    to_edges = np.linalg.norm(corners + along[:, :, None] * edge, axis=2).min(axis=1)
+    normal = np.cross(edge[:, 0], edge[:, 1])
+    length = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    inside = (np.einsum("fkx,fx->fk", np.cross(edge, -corners), normal) >= 0).all(axis=1)
+    return np.where(inside, np.abs((corners[:, 0] * normal).sum(axis=1)) / length, to_edges)
 
 
 def page_at(baked: Baked, scene: Scene, probes: Probes) -> np.ndarray:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-HEADER = f"{'scene':14} {'quality':7} {'probes':>6} {'RMS':>7} {'bias':>7} {'99 %':>7} {'noise':>7} {'> 20 %':>7}"
+HEADER = f"{'scene':14} {'quality':7} {'probes':>6} out " + " ".join(
+    f"{column:>7}" for column in ("RMS", "bias", "99 %", "noise", "> 20 %", "RMS all")
+)
 ROWS = pytest.StashKey[list[str]]()
 
 
