@@ -172,9 +172,11 @@ def test_overshooting_takes_fewer_shots_in_a_bright_room():
 
 
 def test_a_matrix_that_is_too_large_is_refused():
-    transport = SimpleNamespace(count=MOST_DENSE + 1)
+    count = MOST_DENSE + 1
+    transport = SimpleNamespace(count=count, area=np.ones(count))
+    patches = SimpleNamespace(reflectance=np.zeros((count, 3), np.float32))
     with pytest.raises(SettingsError, match="too large"):
-        finish(dense(transport, SimpleNamespace(), np.zeros((MOST_DENSE + 1, 1, 3))))
+        finish(dense(transport, patches, np.zeros((count, 1, 3))))
 
 
 def test_step_k_of_jacobi_holds_the_first_k_bounces():

@@ -210,7 +210,7 @@ class UnshotLight:
         )
 
 
-Step: TypeAlias = Callable[[UnshotLight], Int64]
+Step: TypeAlias = Callable[[], Int64]
 """Shoots some of the light; returns the patches (S,) that shot."""
 
 
@@ -220,7 +220,7 @@ def relax(light: UnshotLight, step: Step, tolerance: float, most_steps: int) -> 
     for _ in range(most_steps):
         if residuals[-1] <= tolerance:
             break
-        state = light.state(step(light))
+        state = light.state(step())
         residuals.append(state.residual)
         yield state
     last = light.state(np.zeros(0, np.int64))

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ways of solving the radiosity equation: in which order, and how much, patches shoot.
 
-All take the transport between N patches, the patches for their reflectance, the exitance (N, G, 3), W/m2, that they
-start with, the residual at which to end, and the steps after which to end even so. They yield the state after each step
-and return the solution; all end at the same one.
+Each is a function that says how one step shoots; all end at the same solution.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..arrays import Float64, Floats, Int64
 from ..errors import SettingsError
 from ..settings import SolverName
 from .patches import Patches
-from .relaxation import Refinement, UnshotLight, relax
+from .relaxation import Refinement, Step, UnshotLight, relax
 from .transport import Transport
 
 SHOOTING_SHARE = 0.1
@@ -32,12 +31,24 @@ MOST_SWEEPS = 5000
 MOST_SINGLE_SHOTS = 1_000_000
 """Shots after which one-patch refinement stops unfinished."""
 
+MOST_REPEATS = 2
+"""Eliminations: the second mends the rounding of the first."""
+
 MOST_DENSE = 8000
 """Patches of which a full matrix, 0.5 GB and as much again for its factors, can be thought of."""
 
 
-class Solver(Protocol):
-    """A way of solving the radiosity equation."""
+@dataclass(frozen=True)
+class Solver:
+    """A way of solving the radiosity equation.
+
+    Attributes:
+        method: given the light that is to be shot, how a step shoots some of it
+        most_steps: steps after which it ends even so
+    """
+
+    method: Callable[[UnshotLight], Step]
+    most_steps: int
 
     def __call__(
         self,
@@ -45,22 +56,33 @@ class Solver(Protocol):
         patches: Patches,
         exitance: Floats,
         tolerance: float = 1e-3,
-        most_steps: int = MOST_STEPS,
+        most_steps: int | None = None,
     ) -> Refinement:
-        """Yield the state after each step, and return the solution."""
-        ...
+        """Yield the state after each step, and return the solution.
+
+        Args:
+            exitance: (N, G, 3), W/m2, what patches send out before light passes between them
+            tolerance: residual at which it ends
+            most_steps: None for the solver's own limit
+        """
+        light = UnshotLight(transport, patches, exitance)
+        return relax(light, self.method(light), tolerance, self.most_steps if most_steps is None else most_steps)
 
 
-def progressive(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_STEPS
-) -> Refinement:
+def solver(most_steps: int) -> Callable[[Callable[[UnshotLight], Step]], Solver]:
+    """Make a Solver of a method."""
+    return lambda method: Solver(method, most_steps)
+
+
+@solver(MOST_STEPS)
+def progressive(light: UnshotLight) -> Step:
     """Block progressive refinement: all patches above a falling threshold of unshot power shoot at once.
 
     The shots are those of Cohen, Chen, Wallace and Greenberg (1988), as many in a step as serve alike.
     """
     threshold = np.inf
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         nonlocal threshold
         power = light.power(light.unshot)
         threshold = min(threshold, SHOOTING_SHARE * float(power.max()))
@@ -68,90 +90,77 @@ def progressive(
         light.shoot(chosen, light.unshot[chosen])
         return chosen
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
-def southwell(
-    transport: Transport,
-    patches: Patches,
-    exitance: Floats,
-    tolerance: float = 1e-3,
-    most_steps: int = MOST_SINGLE_SHOTS,
-) -> Refinement:
+@solver(MOST_SINGLE_SHOTS)
+def southwell(light: UnshotLight) -> Step:
     """Progressive refinement as first published: the patch with the most unshot power shoots alone.
 
     It is Southwell's relaxation (Gortler, Cohen and Slusallek 1994).
     """
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         chosen = light.power(light.unshot).argmax(keepdims=True)
         light.shoot(chosen, light.unshot[chosen])
         return chosen
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
-def overshooting(
-    transport: Transport,
-    patches: Patches,
-    exitance: Floats,
-    tolerance: float = 1e-3,
-    most_steps: int = MOST_SINGLE_SHOTS,
-) -> Refinement:
+@solver(MOST_SINGLE_SHOTS)
+def overshooting(light: UnshotLight) -> Step:
     """One patch at a time shoots what it has and what it is likely to get (Feda and Purgathofer 1992).
 
     It adds its share of the ambient light, that is of all unshot light reflected for ever in a closed room of even
     brightness. It then has less than nothing left, and receives the rest in time.
     """
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         wanted = light.unshot + light.reflectance * light.ambient()
         chosen = light.power(wanted).argmax(keepdims=True)
         light.shoot(chosen, wanted[chosen])
         return chosen
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
-def gauss_seidel(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
-) -> Refinement:
+@solver(MOST_SWEEPS)
+def gauss_seidel(light: UnshotLight) -> Step:
     """Gauss-Seidel iteration, in its shooting form: in a step each patch shoots in turn, by its number.
 
     What a patch has received in this step it shoots too, which gathering row by row with the newest values does alike.
     """
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         for patch in range(len(light.unshot)):
             if light.unshot[patch].any():
                 light.shoot(np.array([patch]), light.unshot[[patch]])
         return np.arange(len(light.unshot))
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
-def jacobi(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
-) -> Refinement:
+@solver(MOST_SWEEPS)
+def jacobi(light: UnshotLight) -> Step:
     """Jacobi iteration: all patches shoot in every step, so that step k holds the first k bounces and no more."""
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         everyone = np.arange(len(light.unshot))
         light.shoot(everyone, light.unshot.copy())
         return everyone
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
-def conjugate_gradient(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = MOST_SWEEPS
-) -> Refinement:
+@solver(MOST_SWEEPS)
+def conjugate_gradient(light: UnshotLight) -> Step:
     """Conjugate gradients (Hestenes and Stiefel 1952), for rooms of high reflectance (Baranoski et al. 1995).
 
     A / rho - K is symmetric and positive definite: the equation times A / rho. Its diagonal as preconditioner turns the
     residual into the unshot light itself. Patches that reflect nothing shoot their exitance at first, and then rest.
     """
-    light = UnshotLight(transport, patches, exitance)
+    transport = light.transport
     area = transport.area[:, None]
     weight = np.divide(area, light.reflectance, out=np.zeros_like(light.reflectance), where=light.reflectance > 0)
     direction = np.zeros_like(light.unshot)
@@ -159,7 +168,7 @@ def conjugate_gradient(
     everyone = np.arange(len(light.unshot))
     begun = False
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         nonlocal direction, product, begun
         if not begun:
             begun = True
@@ -175,17 +184,17 @@ def conjugate_gradient(
         direction = light.unshot + direction * np.divide(product, before, out=np.zeros_like(before), where=before > 0)
         return everyone
 
-    return relax(light, step, tolerance, most_steps)
+    return step
 
 
-def dense(
-    transport: Transport, patches: Patches, exitance: Floats, tolerance: float = 1e-3, most_steps: int = 2
-) -> Refinement:
+@solver(MOST_REPEATS)
+def dense(light: UnshotLight) -> Step:
     """Elimination on the full matrix I - rho F: one step, and a second that mends its rounding.
 
     Raises:
         SettingsError: there are too many patches
     """
+    transport = light.transport
     if transport.count > MOST_DENSE:
         raise SettingsError(
             "Solver",
@@ -194,7 +203,7 @@ def dense(
         )
     exchange = transport.dense() / transport.area[:, None]
 
-    def step(light: UnshotLight) -> Int64:
+    def step() -> Int64:
         everyone = np.arange(transport.count)
         amount: Float64 = np.empty_like(light.unshot)
         for channel in range(3):
@@ -204,7 +213,7 @@ def dense(
         light.shoot(everyone, amount)
         return everyone
 
-    return relax(UnshotLight(transport, patches, exitance), step, tolerance, most_steps)
+    return step
 
 
 SOLVERS: dict[SolverName, Solver] = {
