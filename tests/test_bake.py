@@ -4,96 +4,34 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from radiosity_addon.arrays import Float32, Float64, Int32
+from radiosity_addon.arrays import Float32, Float64
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
-from radiosity_addon.geometry.sides import with_backs
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import rasterize
 from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene, SpotLight, SunLight, World
 from radiosity_addon.settings import BakeSettings
-from radiosity_addon.shading import Shader
 from radiosity_addon.stages import STAGES, Progress
+from tests.bakes import BLACK, WHITE, bake_of, floor, lit
 from tests.shapes import box, furnished_room, mesh_of, quad, sphere
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # what NumPy has to say is heard first
 
-WHITE = Material("White", (0.75,) * 3)
-BLACK = Material("Black", (0.0,) * 3)
+
 WATTS_100 = (100 / (4 * np.pi),) * 3
 """W/sr of a point lamp of 100 W."""
-
-
-@dataclass(frozen=True, eq=False)
-class Lit:
-    """A bake, texel by texel.
-
-    Attributes:
-        mesh: (T,) index into the scene's meshes
-        position, normal: (T, 3)
-        area: (T,) m2
-        light: (T, 3) W/(m2 sr), H / pi
-    """
-
-    baked: Baked
-    mesh: Int32
-    position: Float64
-    normal: Float32
-    area: Float32
-    light: Float32
-
-    def of(self, mesh: int) -> Float32:
-        return self.light[self.mesh == mesh]
-
-
-def bake_of(scene: Scene, shade: Shader | None = None, **settings: object) -> Baked:
-    """A small bake in draft quality unless `settings` say otherwise; light is finite and never negative."""
-    baked = finish(bake(scene, BakeSettings(**{"page_size": 64, "quality": "draft", **settings}), shade))
-    assert all(np.isfinite(page).all() and page.min() >= 0 for page in baked.pages)
-    return baked
-
-
-def lit(scene: Scene, **settings: object) -> Lit:
-    """A bake, texel by texel; backs of two-sided meshes are the meshes after the scene's own."""
-    baked = bake_of(scene, **settings)
-    surfaces = flatten(with_backs(scene))
-    texels = finish(rasterize(baked.atlas, surfaces, 1))
-    shown = texels.pixel < baked.atlas.page_count * baked.atlas.size**2
-    return Lit(
-        baked,
-        surfaces.mesh[texels.triangle[shown, 0]],
-        texels.position[shown] + surfaces.origin,
-        texels.normal[shown],
-        texels.area[shown],
-        np.concatenate([page.reshape(-1, 3) for page in baked.pages])[texels.pixel[shown]],
-    )
-
-
-def floor(size: float = 4.0, name: str = "Floor", material: int = 0, **options: object) -> Mesh:
-    """A square in z = 0 that faces up."""
-    return mesh_of(name, [quad((-size / 2, -size / 2, 0), (size, 0, 0), (0, size, 0))], [material], **options)
 
 
 def in_the_middle(page: Float32) -> Float64:
     """Mean over the four texels around the middle of a page that a square floor fills."""
     half = len(page) // 2
     return page[half - 1 : half + 1, half - 1 : half + 1].mean((0, 1), dtype=np.float64)
-
-
-def planes(mesh: Mesh, turned: bool = False) -> tuple[Mesh, ...]:
-    """Each quad as an object of its own, facing the other way if `turned`."""
-    quads = mesh.vertices.reshape(-1, 4, 3)
-    return tuple(
-        mesh_of(f"{mesh.name} {k}", [corners[::-1] if turned else corners], [int(mesh.material[2 * k])])
-        for k, corners in enumerate(quads)
-    )
 
 
 # answers known on paper
@@ -302,144 +240,6 @@ def test_a_room_of_any_size_is_lit_alike(factor: float) -> None:
     )
     here, there = bake_of(room).pages[0], bake_of(larger).pages[0]
     assert (np.abs(there - here) < 1e-3 * here.max()).mean() > 0.999
-
-
-# where light must not be
-
-
-def two_rooms(thickness: float) -> Scene:
-    """Two cubes of 2 m side by side on one floor, under one ceiling, a lamp in the first, a wall between them."""
-    ground = mesh_of("Floor", [quad((0, 0, 0), (4, 0, 0), (0, 2, 0))], [0])
-    ceiling = mesh_of("Ceiling", [quad((0, 0, 2), (0, 2, 0), (4, 0, 0))], [0])
-    sides = mesh_of(
-        "Sides",
-        [
-            quad((0, 0, 0), (0, 0, 2), (4, 0, 0)),
-            quad((0, 2, 0), (4, 0, 0), (0, 0, 2)),
-            quad((0, 0, 0), (0, 2, 0), (0, 0, 2)),
-            quad((4, 0, 0), (0, 0, 2), (0, 2, 0)),
-        ],
-        [0] * 4,
-    )
-    wall = box("Wall", (2 - thickness / 2, -0.1, -0.1), (2 + thickness / 2, 2.1, 2.1))
-    return Scene((ground, ceiling, sides, wall), (WHITE,), (PointLight("Lamp", (10, 10, 10), (1, 1, 1)),))
-
-
-def test_light_does_not_leak_under_a_wall() -> None:
-    thickness = 0.2
-    found = lit(two_rooms(thickness), quality="medium", page_size=128)
-    beyond = (found.position[:, 0] > 2 + thickness / 2 + 1e-3) & (found.mesh < 3)
-    before = found.position[:, 0] < 2 - thickness
-    assert found.light[beyond].max() < 1e-3 * found.light[before].mean()
-
-
-def test_the_dark_behind_a_picture_close_to_a_wall_does_not_show_on_it() -> None:
-    """A sheet 0.4 mm before a wall receives what the bare wall does; 18 % of it were missing."""
-    room = box("Room", (0, 0, 0), (4, 4, 3), [1, 0, 0, 0, 0, 0], inward=True)
-    sheet = mesh_of("Picture", [quad((1, 3.9996, 1), (2, 0, 0), (0, 0, 1.2))], [0])
-    materials = (Material("Grey", (0.5, 0.5, 0.5)), Material("Glow", (0.5, 0.5, 0.5), (1.0, 1.0, 1.0)))
-    settings = {"page_size": 256, "quality": "medium"}
-    bare, hung = lit(Scene((room,), materials), **settings), lit(Scene((room, sheet), materials), **settings)
-    x, y, z = bare.position.T
-    covered = (y > 3.9999) & (x > 1) & (x < 3) & (z > 1) & (z < 2.2)
-    expected = bare.light[covered].mean()
-    assert hung.of(1).mean() == pytest.approx(expected, rel=0.01)
-    assert hung.of(1).min() > 0.8 * bare.light[covered].min()
-
-
-def upright(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Mesh:
-    """A wall of 2 m from one point of the floor to another."""
-    p, q = np.array([*start, 0.0]), np.array([*end, 0.0])
-    across, up = np.array([end[1] - start[1], start[0] - end[0], 0]) / np.linalg.norm(q - p) * thickness, (0, 0, 2)
-    if not thickness:
-        return mesh_of("Screen", [quad(p, q - p, up)], [0])
-    p, q = p - across / 2, q - across / 2
-    faces = [quad(p, up, q - p), quad(p + across, q - p, up), quad(p, across, up), quad(q, up, across)]
-    return mesh_of("Wall", [*faces, quad(p, q - p, across), quad(p + up, across, q - p)], [0] * 6)
-
-
-@pytest.mark.parametrize("quality", ["draft", "medium"])
-@pytest.mark.parametrize("thickness", [0.0, 0.02], ids=["without thickness", "thinner than a texel"])
-@pytest.mark.parametrize(("place", "slant"), [(2.013, 0.0), (1.925, 0.3)], ids=["along texels", "slanted"])
-def test_no_light_leaks_under_a_thin_wall(place: float, slant: float, thickness: float, quality: str) -> None:
-    """The slanted one's edge stands right in the one point of a texel beside a chart."""
-    scene = two_rooms(0.2)
-    wall = upright((place - slant, 0), (place + slant, 2), thickness)
-    found = lit(replace(scene, meshes=(*scene.meshes[:3], wall)), quality=quality, page_size=128)
-    x, y, _ = found.position.T
-    side = x - place - slant * (y - 1)
-    beyond = (side > thickness) & (found.mesh < 3)
-    before = found.light[(side < -0.1) & (found.mesh < 3)].mean()
-    assert beyond.sum() > 3000
-    assert found.light[beyond].max() < 1e-3 * before
-    dark = (found.mesh == 3) & (found.normal[:, 0] > 0.9)
-    assert found.light[dark].max() < 1e-3 * before
-
-
-@pytest.mark.parametrize("inner", [planes, lambda mesh: (mesh,)], ids=["planes", "closed box"])
-def test_a_room_within_a_closed_hull_is_lit(inner: Callable[[Mesh], tuple[Mesh, ...]]) -> None:
-    """Its surfaces lie inside a closed surface that faces out, and yet not inside a solid: there is a lamp."""
-    room = inner(box("Room", (-1, -1, -1), (1, 1, 1), inward=True))
-    lamp = PointLight("Lamp", (1, 1, 1), (0.2, 0.1, 0))
-    hull = box("Hull", (-1.2, -1.2, -1.2), (1.2, 1.2, 1.2))
-    alone, within = (lit(Scene(meshes, (WHITE,), (lamp,))) for meshes in (room, (*room, hull)))
-    count = len(room)
-    assert within.light[within.mesh < count].mean() == pytest.approx(alone.light.mean(), rel=0.05)
-    assert within.of(count).max() < 1e-3
-
-
-def test_where_a_box_stands_on_a_floor_no_light_leaks_into_its_shadow_and_no_shadow_out() -> None:
-    scene = Scene(
-        (floor(), box("Box", (-0.5, -0.5, 0), (0.5, 0.5, 1))), (BLACK,), (SunLight("Sun", (3.0,) * 3, (0.6, 0, -0.8)),)
-    )
-    found = lit(scene, page_size=128)
-    ground, x, y = found.mesh == 0, found.position[:, 0], np.abs(found.position[:, 1])
-    behind = ground & (x > 0.5) & (x < 1.1) & (y < 0.4)
-    before = ground & (x < -0.5) & (y < 0.4)
-    sunlit = 3 * 0.8 / np.pi
-    assert behind.sum() > 50
-    assert found.light[behind].max() < 1e-3 * sunlit
-    assert np.abs(found.light[before] / sunlit - 1).max() < 0.005
-
-
-def test_the_inside_of_a_closed_box_is_dark() -> None:
-    """The room's faces look inward, so its inside is on the page, and so is a block that stands in it."""
-    room = box("Room", (-1, -1, 0.5), (1, 1, 2.5), inward=True)
-    block = box("Block", (-0.3, -0.3, 0.5), (0.3, 0.3, 1))
-    scene = Scene((room, block, floor(8)), (WHITE,), (SunLight("Sun", (3.0,) * 3, (0, 0, -1)),), World((1, 1, 1)))
-    found = lit(scene)
-    assert found.of(2).mean() > 0.5
-    assert found.of(0).max() == 0
-    underside = found.normal[:, 2] < -0.5  # lies in the room's floor, and looks out of it
-    assert found.light[(found.mesh == 1) & ~underside].max() == 0
-
-
-def test_what_lies_inside_a_solid_is_dark() -> None:
-    outer, inner = box("Outer", (-1, -1, -1), (1, 1, 1)), box("Inner", (-0.3, -0.3, -0.3), (0.3, 0.3, 0.3))
-    found = lit(Scene((outer, inner), (WHITE,), world=World((1, 1, 1))))
-    assert found.of(0).min() > 0.99
-    assert found.of(1).max() == 0
-
-
-def test_a_room_of_planes_that_face_out_keeps_the_light_out_and_what_is_inside_dark() -> None:
-    room = planes(box("Room", (-1, -1, 0), (1, 1, 2)))
-    block = box("Block", (-0.3, -0.3, 0.5), (0.3, 0.3, 1))
-    found = lit(Scene((*room, block), (WHITE,), (SunLight("Sun", (3.0,) * 3, (0.6, 0, -0.8)),), World((1, 1, 1))))
-    assert found.of(1).mean() > 1, "its top stands in the sun"
-    assert found.of(6).max() < 1e-3
-
-
-def test_backs_of_planes_reflect_like_fronts() -> None:
-    """A block under a lamp gets the same light whichever way the walls around it face."""
-    room, *blocks = furnished_room().meshes
-    turned = [
-        lit(replace(furnished_room(), meshes=(*planes(room, turned=way), *blocks)), quality="medium")
-        for way in (False, True)
-    ]
-    for index in (6, 7):
-        front, back = (found.of(index).mean(0, dtype=np.float64) for found in turned)
-        assert back == pytest.approx(front, rel=0.02)
-    assert turned[1].of(0).max() == 0, "the floor's front is outside"
 
 
 # who takes part

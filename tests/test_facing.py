@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from radiosity_addon.scene import Mesh, PointLight, Scene, SunLight, World
+from tests.bakes import WHITE, bake_of, floor, planes
 from tests.shapes import box, furnished_room, mesh_of, quad
-from tests.test_bake import WHITE, bake_of, floor, planes
 
 
 def named(scene: Scene) -> list[str]:

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiosity_addon.errors import SettingsError
-from tests.test_unwrap import (
+from tests.unwrapped import (
     assert_sound,
     atlas_of,
     flat_area,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from radiosity_addon.scene import Mesh, PointLight, Scene, SunLight
+from tests.bakes import BLACK, WHITE, floor, lit
 from tests.shapes import mesh_of, quad
-from tests.test_bake import BLACK, WHITE, floor, lit
 
 SUN = SunLight("Sun", (3.0,) * 3, (0, 0, -1))
 

@@ -10,8 +10,8 @@ import pytest
 
 from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.scene import Material, Mesh, PointLight, Scene, SunLight, World
+from tests.bakes import BLACK, WHITE, bake_of, floor, lit
 from tests.shapes import box, furnished_room, mesh_of, quad
-from tests.test_bake import BLACK, WHITE, bake_of, floor, lit
 
 SUN = SunLight("Sun", (3.0,) * 3, (0, 0, -1))
 

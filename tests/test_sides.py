@@ -15,9 +15,9 @@ from radiosity_addon.geometry.surfaces import flatten, on_front
 from radiosity_addon.geometry.texels import rasterize
 from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.scene import AreaLight, Material, Mesh, PointLight, Scene, SunLight, World
+from tests.bakes import BLACK, WHITE, floor, lit, planes
 from tests.painter import Painter
 from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
-from tests.test_bake import BLACK, WHITE, floor, lit, planes
 
 
 def card(height: float = 1.0, **options: object) -> Mesh:

@@ -12,8 +12,8 @@ from radiosity_addon.curves.patchwork import Cap, Net, patchwork
 from radiosity_addon.curves.sweep import Line, caps, ring_profile, sweep
 from radiosity_addon.curves.unrolling import unroll
 from radiosity_addon.scene import AreaLight, Material, Mesh, Scene, World
+from tests.bakes import floor, lit
 from tests.splines import sphere, torus
-from tests.test_bake import floor, lit
 from tests.test_unrolling import net_of
 
 

@@ -13,7 +13,7 @@ import bpy
 
 from radiosity_addon.blender.extract import extract_scene
 from tests.accuracy.probes import Probes, measure
-from tests.test_bake import lit
+from tests.bakes import lit
 
 SAMPLES = 4096
 RING, TUBE, HEIGHT = 1.0, 0.25, 0.9

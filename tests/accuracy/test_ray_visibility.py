@@ -9,7 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radiosity_addon.blender.extract import extract_scene  # noqa: E402
-from tests.test_bake import lit  # noqa: E402
+from tests.bakes import lit  # noqa: E402
 
 SIZE = 8
 SAMPLES = 4096
