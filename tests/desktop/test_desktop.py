@@ -4,12 +4,16 @@
 RADIOSITY_DESKTOP_BLENDER names a script with the verbs `wheels` (prints a folder of wheels for that Blender's Python)
 and `run ARGUMENTS` (runs that Blender without a window). Without it, and without one at ../shared/desktop-blender,
 these tests are skipped.
+
+A Blender in a container of its own sees the temporary folder, but not always the checkout. So whatever it is handed is
+copied into the test's temporary folder, and nothing is said relative to the working directory.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -64,7 +68,8 @@ def desktop(script: Path, tmp_path_factory: pytest.TempPathFactory) -> Desktop:
     assert dev.release(["linux-x64"], Path(wheels), folder) == 0
     (archive,) = folder.glob("*.zip")
     desktop = Desktop(script, folder)
-    done = desktop.run("--background", "--python-exit-code", "1", "--python", INSTALL_AND_BAKE, "--", archive, folder)
+    copied = shutil.copy(INSTALL_AND_BAKE, folder)
+    done = desktop.run("--background", "--python-exit-code", "1", "--python", copied, "--", archive, folder)
     assert done.returncode == 0, done.stdout + done.stderr
     return desktop
 
