@@ -3,55 +3,31 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import os
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from datablocks import differences, snapshot
-
-from radiosity_addon import cli
+from tests.blender.bad_scenes import SQUARE, SUN, Captured, add_lamp, add_mesh, bake, refused, save, spoken
+from tests.blender.datablocks import snapshot
 
 oiio = pytest.importorskip("OpenImageIO")
+
+
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")  # NumPy's warnings would reach the user
-FAST = ["--page-size", "64", "--quality", "draft"]
-NAN, INF = math.nan, math.inf
-SQUARE = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+
+
+NAN = math.nan
+
+
+INF = math.inf
+
+
 TRIANGLE = [(0, 1, 2)]
-SUN = 3.0
-"""W/m2, straight down: an open floor holds SUN / pi."""
-
-
-def add_mesh(name: str, vertices: list | None = None, faces: list | None = None, **values: object) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(SQUARE if vertices is None else vertices, [], [(0, 1, 2, 3)] if faces is None else faces)
-    thing = bpy.data.objects.new(name, mesh)
-    for key, value in values.items():
-        setattr(thing, key, value)
-    bpy.context.scene.collection.objects.link(thing)
-    return thing
-
-
-def add_lamp(kind: str = "SUN", name: str = "Sun", energy: float = SUN, **values: object) -> bpy.types.Object:
-    lamp = bpy.data.lights.new(name, kind)
-    lamp.energy = energy
-    for key, value in values.items():
-        setattr(lamp, key, value)
-    thing = bpy.data.objects.new(name, lamp)
-    thing.location = (0, 0, 2)
-    bpy.context.scene.collection.objects.link(thing)
-    return thing
 
 
 def add_glow(strength: float) -> bpy.types.Object:
@@ -69,44 +45,6 @@ def principled(thing: bpy.types.Object, name: str) -> bpy.types.Node:
         material.use_nodes = True
     thing.data.materials.append(material)
     return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-
-
-def save(folder: Path) -> Path:
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "in.blend"))
-    return folder / "in.blend"
-
-
-def tree(folder: Path) -> dict[str, str]:
-    """All files below a folder, hidden ones too, and what is in them."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "folder"
-        for path in folder.rglob("*")
-    }
-
-
-def bake(scene: Path, output: Path, *words: object) -> int:
-    return cli.main(["bake", str(scene), "-o", str(output), *FAST, *(str(word) for word in words)])
-
-
-Captured = pytest.CaptureFixture[str]
-
-
-def spoken(capsys: Captured, kind: str) -> list[str]:
-    """Our lines of a kind, `error` or `warning`; and no traceback."""
-    lines = capsys.readouterr().err.splitlines()
-    assert not [line for line in lines if "Traceback" in line], lines
-    start = f"radiosity: {kind}: "
-    return [line.removeprefix(start) for line in lines if line.startswith(start)]
-
-
-def refused(scene: Path, output: Path, capsys: Captured, *words: object) -> str:
-    """The one line of a bake that fails, and leaves all files below the scene's folder as they were."""
-    before = tree(scene.parent)
-    capsys.readouterr()
-    assert bake(scene, output, *words) == 1
-    (line,) = spoken(capsys, "error")
-    assert tree(scene.parent) == before
-    return line
 
 
 def baked(folder: Path, capsys: Captured) -> tuple[dict, np.ndarray, list[str]]:
@@ -362,114 +300,3 @@ def test_names_that_only_differ_by_case_or_hold_anything_at_all_are_kept_apart(
     report, page, _ = baked(tmp_path, capsys)
     assert sorted(row["source"] for row in report["objects"]) == sorted(names)
     np.testing.assert_allclose(page, SUN / math.pi, rtol=0.005)
-
-
-# files
-
-
-@pytest.fixture
-def scene(tmp_path: Path) -> Path:
-    add_mesh("Floor")
-    add_lamp()
-    return save(tmp_path)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.99], ids=["empty", "half", "but its end"])
-@pytest.mark.parametrize("verb", ["bake", "revert", "info"])
-def test_a_file_cut_short_is_an_error_that_names_it(
-    share: float, verb: str, scene: Path, tmp_path: Path, capsys: Captured
-) -> None:
-    cut = tmp_path / "cut.blend"
-    cut.write_bytes(scene.read_bytes()[: int(share * scene.stat().st_size)])
-    before = tree(tmp_path)
-    words = [] if verb == "info" else ["-o", str(tmp_path / "lit.blend")]
-    capsys.readouterr()
-    assert cli.main([verb, str(cut), *words]) == 1
-    (line,) = spoken(capsys, "error")
-    assert str(cut) in line
-    assert tree(tmp_path) == before
-
-
-@pytest.mark.parametrize(
-    ("output", "make", "named"),
-    [
-        ("lit.blend", "lit.blend/", "lit.blend: a folder has this name"),
-        ("in.blend/lit.blend", "", "in.blend: it is a file, not a folder"),
-        ("lit.blend", "lit_textures", "lit_textures: it is a file, not a folder"),
-        ("lit.blend", "lit_textures/lit_radiosity_1.exr/", "lit_radiosity_1.exr: a folder has this name"),
-    ],
-    ids=["output is a folder", "folder is a file", "textures are a file", "page is a folder"],
-)
-def test_a_name_that_is_taken_is_an_error(
-    output: str, make: str, named: str, scene: Path, tmp_path: Path, capsys: Captured
-) -> None:
-    if make.endswith("/"):
-        (tmp_path / make).mkdir(parents=True)
-    elif make:
-        (tmp_path / make).write_text("kept")
-    assert named in refused(scene, tmp_path / output, capsys)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [["--report", "in.blend"], ["--report", "lit.blend"], ["--report", "lit.png", "--render", "lit.png"]],
-    ids=["scene", "output", "picture"],
-)
-def test_a_file_never_replaces_another_one_of_its_bake(
-    words: list[str], scene: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    line = refused(scene, tmp_path / "lit.blend", capsys, *words)
-    assert "another file of this bake" in line
-    assert words[-1] in line
-
-
-def mounted(folder: Path, options: str) -> Iterator[Path]:
-    if sys.platform != "linux" or os.geteuid() != 0:
-        pytest.skip("mounting a disk needs root on Linux")
-    folder.mkdir()
-    command = [shutil.which("mount") or "mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.skip(f"a disk can't be mounted here: {done.stderr.strip()}")
-    yield folder
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)  # lets go of files on it
-    subprocess.run(["umount", str(folder)], check=True)
-
-
-@pytest.fixture
-def read_only(tmp_path: Path) -> Iterator[Path]:
-    yield from mounted(tmp_path / "read only", "ro")
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    yield from mounted(tmp_path / "small", "size=4m")
-
-
-@pytest.mark.parametrize("words", [[], ["--textures"], ["--report"], ["--render"]], ids=lambda words: " ".join(words))
-def test_a_folder_that_may_not_be_written_to_is_an_error(
-    words: list[str], scene: Path, read_only: Path, tmp_path: Path, capsys: Captured
-) -> None:
-    ending = {"--report": "report.json", "--render": "lit.png"}
-    given = [*words, read_only / ending.get(words[0], "pages")] if words else []
-    line = refused(scene, (tmp_path if words else read_only) / "lit.blend", capsys, *given)
-    assert "read only" in line
-    assert "may write" in line
-
-
-def test_a_full_disk_is_reported_by_the_operator_and_old_pages_are_kept(small_disk: Path) -> None:
-    add_mesh("Floor")
-    add_lamp()
-    settings = bpy.context.scene.radiosity
-    settings.page_size, settings.quality = 64, "draft"
-    save(small_disk)
-    assert bpy.ops.radiosity.bake() == {"FINISHED"}
-    bpy.ops.wm.save_mainfile()
-    free = os.statvfs(small_disk)
-    (small_disk / "filler").write_bytes(bytes(free.f_bavail * free.f_frsize))
-    before, files = snapshot(), tree(small_disk)
-    with pytest.raises(RuntimeError, match=r"[Ff]ree some space"):
-        bpy.ops.radiosity.bake()
-    assert differences(before, snapshot()) == []
-    assert tree(small_disk) == files

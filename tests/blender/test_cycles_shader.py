@@ -13,44 +13,22 @@ from radiosity_addon.arrays import Float32
 from radiosity_addon.atlas.cells import lay_cells
 from radiosity_addon.blender.cycles_shader import CyclesShader
 from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.extraction import Extraction
 from radiosity_addon.blender.materials import read_material
 from radiosity_addon.errors import SceneError
-from radiosity_addon.shading import Layout, Quantity
+from radiosity_addon.shading import Layout
 from tests.blender.datablocks import differences, snapshot
-
-SIZE = 64
-
-
-class Tree:
-    """A material made node by node."""
-
-    def __init__(self, name: str = "Material") -> None:
-        self.material = bpy.data.materials.new(name)
-        if bpy.app.version < (5, 0):
-            self.material.use_nodes = True
-        self.tree = self.material.node_tree
-        self.tree.nodes.clear()
-
-    def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:
-        node = self.tree.nodes.new(f"ShaderNode{kind}")
-        for name, value in inputs.items():
-            node.inputs[name.replace("_", " ")].default_value = value
-        return node
-
-    def link(self, output: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
-        self.tree.links.new(output, target)
-
-    def emit(self, color: bpy.types.NodeSocket) -> bpy.types.Material:
-        emission, end = self.node("Emission"), self.node("OutputMaterial")
-        self.link(color, emission.inputs["Color"])
-        self.link(emission.outputs[0], end.inputs["Surface"])
-        return self.material
-
-
-def emitting(make: Callable[[Tree], bpy.types.NodeSocket], name: str = "Material") -> bpy.types.Material:
-    tree = Tree(name)
-    return tree.emit(make(tree))
+from tests.blender.shader_trees import (
+    SIZE,
+    Tree,
+    checkers,
+    emitting,
+    image,
+    layout_of,
+    of_coordinates,
+    of_image,
+    pages,
+    plane,
+)
 
 
 def cube(name: str, *materials: bpy.types.Material, **values: object) -> bpy.types.Object:
@@ -65,34 +43,6 @@ def cube(name: str, *materials: bpy.types.Material, **values: object) -> bpy.typ
     for key, value in values.items():
         setattr(thing, key, value)
     return thing
-
-
-def plane(name: str, material: bpy.types.Material) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_plane_add(size=2)
-    bpy.context.object.name = name
-    bpy.context.object.data.materials.append(material)
-    return bpy.context.object
-
-
-def layout_of(extraction: Extraction, uv_map: str = "UVMap") -> Layout:
-    """Each mesh by its own uv map on a page of its own."""
-    uv = []
-    for source, mesh in zip(extraction.sources, extraction.scene.meshes, strict=True):
-        data = bpy.data.objects[source.object_name].data
-        loops = np.empty((len(data.loops), 2), np.float32)
-        data.uv_layers[uv_map].uv.foreach_get("vector", loops.ravel())
-        uv.append(loops[mesh.corner])
-    count = len(uv)
-    return Layout(SIZE, count, np.arange(count, dtype=np.int32), tuple(uv))
-
-
-def pages(quantity: Quantity = "emission", layout: Layout | None = None) -> dict[str, Float32]:
-    """The page of each object, by its name."""
-    extraction = extract_scene(bpy.context.scene)
-    layout = layout or layout_of(extraction)
-    shade = CyclesShader(bpy.context.scene, extraction)
-    shown = shade(layout, np.ones(len(extraction.scene.meshes), bool), quantity)
-    return {source.object_name: page for source, page in zip(extraction.sources, shown, strict=True)}
 
 
 def cycles(thing: bpy.types.Object, uv_map: str = "UVMap") -> tuple[Float32, Float32]:
@@ -114,10 +64,6 @@ def cycles(thing: bpy.types.Object, uv_map: str = "UVMap") -> tuple[Float32, Flo
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(SIZE, SIZE, 4)
     return pixels[:, :, :3], pixels[:, :, 3] > 0
-
-
-def of_coordinates(output: str) -> Callable[[Tree], bpy.types.NodeSocket]:
-    return lambda tree: tree.node("TexCoord").outputs[output]
 
 
 def of_object(output: str) -> Callable[[Tree], bpy.types.NodeSocket]:
@@ -211,47 +157,12 @@ def test_what_a_tree_asks_of_its_surface_is_answered_as_cycles_does(name):
         assert np.abs(shown[thing.name] - expected)[covered].max() < 3e-4 * max(1, np.abs(expected).max())
 
 
-def checkers(tree: Tree) -> bpy.types.NodeSocket:
-    """Two colours in four fields, by the uv map."""
-    node = tree.node("TexChecker", Scale=2.0, Color1=(0.1, 0.3, 0.6, 1), Color2=(0.8, 0.2, 0.1, 1))
-    tree.link(tree.node("TexCoord").outputs["UV"], node.inputs["Vector"])
-    return node.outputs["Color"]
-
-
 def test_a_checker_has_its_two_colours_in_their_places():
     plane("Floor", emitting(checkers))
     page = pages()["Floor"]
     for row, column in ((16, 16), (48, 48)):
         assert page[row, column] == pytest.approx((0.8, 0.2, 0.1), abs=1e-6)
         assert page[row, 64 - column] == pytest.approx((0.1, 0.3, 0.6), abs=1e-6)
-
-
-def image(name: str, colors: object, space: str = "", **options: object) -> bpy.types.Image:
-    """An image of rows and columns of colours, row 0 at the bottom; of 8 bits a channel, or of floats."""
-    values = np.ones((*np.shape(colors)[:2], 4), np.float32)
-    values[..., :3] = colors
-    made = bpy.data.images.new(name, values.shape[1], values.shape[0], **options)
-    if space:
-        made.colorspace_settings.name = space  # would drop pixels
-    made.pixels.foreach_set(values.ravel())
-    return made
-
-
-def of_image(
-    shown: bpy.types.Image | None, uv_map: str = "", **values: object
-) -> Callable[[Tree], bpy.types.NodeSocket]:
-    def make(tree: Tree) -> bpy.types.NodeSocket:
-        node = tree.node("TexImage")
-        node.image = shown
-        for key, value in values.items():
-            setattr(node, key, value)
-        if uv_map:
-            place = tree.node("UVMap")
-            place.uv_map = uv_map
-            tree.link(place.outputs["UV"], node.inputs["Vector"])
-        return node.outputs["Color"]
-
-    return make
 
 
 def test_a_gradient_follows_the_uv_map():
@@ -264,75 +175,6 @@ def test_a_gradient_follows_the_uv_map():
     page = pages()["Floor"]
     expected = (np.arange(SIZE) + 0.5) / SIZE
     assert np.abs(page[:, :, 0] - expected).max() < 1e-4
-
-
-@pytest.mark.parametrize(("space", "expected"), [("sRGB", 0.21404), ("Non-Color", 128 / 255)])
-def test_images_are_decoded_by_their_colour_space(space, expected):
-    shown = image("Paint", [[(0.502, 0.502, 0.502)]], space)
-    plane("Floor", emitting(of_image(shown)))
-    assert pages()["Floor"][32, 32] == pytest.approx([expected] * 3, abs=2e-3)
-
-
-def test_closest_and_linear_interpolation_are_blenders():
-    two = image("Two", [[(0, 0, 0), (1, 1, 1)]], float_buffer=True, is_data=True)
-    plane("Sharp", emitting(of_image(two, interpolation="Closest", extension="EXTEND"), "Sharp"))
-    plane("Soft", emitting(of_image(two, extension="EXTEND"), "Soft"))
-    shown = pages()
-    assert np.unique(shown["Sharp"][:, :, 0]).tolist() == [0, 1]
-    expected = np.clip(2 * (np.arange(SIZE) + 0.5) / SIZE - 0.5, 0, 1)
-    assert np.abs(shown["Soft"][:, :, 0] - expected).max() < 5e-3
-
-
-def test_a_missing_image_is_pink():
-    lost = bpy.data.images.new("lost", 4, 4)
-    lost.source = "FILE"
-    lost.filepath = "//nowhere.png"
-    plane("Floor", emitting(of_image(lost)))
-    assert pages()["Floor"][32, 32] == pytest.approx([1, 0, 1])
-
-
-def add_uv_map(thing: bpy.types.Object, name: str, scale: float) -> None:
-    first = np.empty(len(thing.data.loops) * 2, np.float32)
-    thing.data.uv_layers["UVMap"].uv.foreach_get("vector", first)
-    thing.data.uv_layers.new(name=name).uv.foreach_set("vector", scale * first)
-
-
-def test_each_image_takes_the_uv_map_that_it_is_given_or_the_one_set_for_rendering():
-    quarters = image("Quarters", [[(1, 0, 0), (0, 1, 0)], [(0, 0, 1), (1, 1, 0)]], float_buffer=True, is_data=True)
-    given = plane("Given", emitting(of_image(quarters, "Small", interpolation="Closest"), "Given"))
-    default = plane("Default", emitting(of_image(quarters, interpolation="Closest"), "Default"))
-    for thing in (given, default):
-        add_uv_map(thing, "Small", 0.4)
-    default.data.uv_layers["UVMap"].active_render = True
-    shown = pages()
-    assert np.unique(shown["Given"].reshape(-1, 3), axis=0).tolist() == [[1, 0, 0]]
-    assert shown["Default"][48, 48].tolist() == [1, 1, 0]
-    default.data.uv_layers["Small"].active_render = True
-    assert pages()["Default"][48, 48].tolist() == [1, 0, 0]
-
-
-def test_eight_uv_maps_leave_room_for_the_pages():
-    plane("Floor", emitting(checkers))
-    thing = plane("Full", emitting(of_coordinates("UV")))
-    thing.radiosity.only_casts = True
-    for number in range(7):
-        add_uv_map(thing, f"Map {number}", 0.1)
-    assert len(thing.data.uv_layers) == 8
-    assert pages()["Full"][32, 32, :2] == pytest.approx([0.5, 0.5], abs=0.01)
-
-
-def test_tiles_of_a_udim_lie_side_by_side():
-    tiled = bpy.data.images.new("Tiles", 4, 4, tiled=True, float_buffer=True, is_data=True)
-    with bpy.context.temp_override(edit_image=tiled):
-        tiled.tiles.new(tile_number=1002)
-        for number, color in ((0, (1, 0, 0, 1)), (1, (0, 0, 1, 1))):
-            tiled.tiles.active_index = number
-            bpy.ops.image.tile_fill(color=color, width=4, height=4, float=True, alpha=True)
-    thing = plane("Floor", emitting(of_image(tiled, "Wide")))
-    add_uv_map(thing, "Wide", 2.0)
-    page = pages()["Floor"]
-    assert page[16, 16] == pytest.approx([1, 0, 0], abs=1e-3)
-    assert page[16, 48] == pytest.approx([0, 0, 1], abs=1e-3)
 
 
 def test_groups_in_groups_are_asked_and_fed():

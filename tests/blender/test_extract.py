@@ -7,74 +7,17 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.evaluation import at_render_settings
 from radiosity_addon.blender.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
 from radiosity_addon.blender.stand_in import swap_in
 from radiosity_addon.errors import SceneError
+from tests.blender.added import add_cube, snapshot
 from tests.blender.built import QUAD, add, add_lamp, add_mesh, emission, extract, one_shader
-
-
-def add_cube(name="Cube", **placed) -> bpy.types.Object:
-    corners = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return add_mesh(name, corners, faces, **placed)
 
 
 def geometric_normals(mesh) -> np.ndarray:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     return cross / np.linalg.norm(cross, axis=1, keepdims=True)
-
-
-def snapshot() -> dict[str, object]:
-    scene = bpy.context.scene
-    kinds = ("scenes", "objects", "cameras", "images", "worlds", "collections", "meshes", "materials", "node_groups")
-    return {
-        "data": {kind: sorted(thing.name for thing in getattr(bpy.data, kind)) for kind in kinds},
-        "scene": (scene.render.engine, scene.camera, scene.render.resolution_x, scene.frame_current),
-        "hidden": {thing.name: (thing.hide_render, thing.hide_viewport) for thing in scene.objects},
-        "selected": sorted(thing.name for thing in bpy.context.selected_objects),
-        "active": bpy.context.view_layer.objects.active,
-    }
-
-
-# evaluation
-
-
-def test_looking_at_render_settings_leaves_no_trace():
-    bpy.context.view_layer.objects.active = add_cube()
-    before = snapshot()
-    at_render_settings(bpy.context.scene, lambda depsgraph: None)
-    assert snapshot() == before
-
-
-def test_an_exception_inside_the_look_comes_out_and_leaves_no_trace():
-    before = snapshot()
-    with pytest.raises(ZeroDivisionError):
-        at_render_settings(bpy.context.scene, lambda depsgraph: 1 / 0)
-    assert snapshot() == before
-
-
-def test_render_handlers_of_others_are_kept_and_not_called():
-    called = []
-    bpy.app.handlers.render_pre.append(called.append)
-    try:
-        at_render_settings(bpy.context.scene, lambda depsgraph: None)
-        assert called == []
-        assert list(bpy.app.handlers.render_pre) == [called.append]
-    finally:
-        bpy.app.handlers.render_pre.clear()
-
-
-def test_the_last_render_is_kept(tmp_path):
-    scene = bpy.context.scene
-    scene.render.engine, scene.cycles.samples = "CYCLES", 1
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
-    scene.camera = add(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
-    bpy.ops.render.render()
-    at_render_settings(scene, lambda depsgraph: None)
-    bpy.data.images["Render Result"].save_render(str(tmp_path / "kept.png"))
-    assert tuple(bpy.data.images.load(str(tmp_path / "kept.png")).size) == (24, 16)
 
 
 # geometry

@@ -17,6 +17,7 @@ from radiosity_addon.blender.revert import revert
 from radiosity_addon.errors import SceneError
 from tests.blender.baked import diffuse
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.instance_bakes import picture, pixels_of
 from tests.blender.instanced import (
     KINDS,
     SPOTS,
@@ -36,7 +37,9 @@ from tests.blender.instanced import (
 
 ROOT = Path(__file__).parents[2]
 
+
 kinds = pytest.mark.parametrize("kind", KINDS)
+
 
 NOISE = 0.03
 """Two unwraps of one scene differ by this, relative to the mean, in the root mean square."""
@@ -96,35 +99,6 @@ def test_revert_after_saving_and_reading_the_file_brings_back_every_datablock_ex
     bpy.ops.wm.open_mainfile(filepath=path)
     revert(bpy.context.scene)
     assert differences(before, snapshot()) == []
-
-
-def picture(folder: Path, engine: str = "CYCLES") -> np.ndarray:
-    """What an engine shows from above, (H, W, 3), W/(m2 sr), lit by nothing but the lightmaps."""
-    scene = bpy.context.scene
-    bpy.data.objects["Lamp"].hide_render = True
-    if scene.camera is None:
-        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-        camera.data.type, camera.data.ortho_scale = "ORTHO", 9
-        camera.matrix_world = Matrix.Translation((-0.5, 0, 6))
-        scene.collection.objects.link(camera)
-        scene.camera = camera
-    scene.render.engine, scene.eevee.taa_render_samples = engine, 16
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = 16, False, 0
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 120, 60, 100
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = str(folder / "picture.exr")
-    bpy.ops.render.render(write_still=True)
-    bpy.data.objects["Lamp"].hide_render = False
-    return pixels_of(folder / "picture.exr")
-
-
-def pixels_of(path: Path) -> np.ndarray:
-    """A picture's colours (H, W, 3)."""
-    image = bpy.data.images.load(str(path))
-    image.colorspace_settings.is_data = True
-    pixels = np.array(image.pixels[:]).reshape(60, 120, -1)[..., :3]
-    bpy.data.images.remove(image)
-    return pixels
 
 
 @pytest.mark.parametrize("kind", ["collections", "nested", "objects"])
@@ -436,74 +410,3 @@ def test_points_that_only_carry_instances_are_no_reason_to_warn():
     report = bake()
     assert report.skipped == ()
     assert not report.warnings
-
-
-def emission_of(kind: str, output: str, name: str = "", nested: bool = False) -> bpy.types.Material:
-    """A material that emits what a node tells of its instance, in a group or not."""
-    material = bpy.data.materials.new("Asking")
-    if material.node_tree is None:
-        material.use_nodes = True
-    nodes = material.node_tree
-    nodes.nodes.clear()
-    emission, end = nodes.nodes.new("ShaderNodeEmission"), nodes.nodes.new("ShaderNodeOutputMaterial")
-    nodes.links.new(emission.outputs[0], end.inputs["Surface"])
-    inside = nodes
-    if nested:
-        inside = bpy.data.node_groups.new("Group", "ShaderNodeTree")
-        inside.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
-    node = inside.nodes.new(kind)
-    if kind == "ShaderNodeAttribute":
-        node.attribute_type, node.attribute_name = "INSTANCER", name
-    source = node.outputs[output]
-    if nested:
-        inside.links.new(source, inside.nodes.new("NodeGroupOutput").inputs[0])
-        group = nodes.nodes.new("ShaderNodeGroup")
-        group.node_tree = inside
-        source = group.outputs[0]
-    nodes.links.new(source, emission.inputs["Color"])
-    return material
-
-
-def tinted(as_attribute: bool) -> None:
-    """Instances by nodes that hold a colour of their own, or whose instancer has it as a property."""
-    nodes()
-    host = bpy.data.objects["Points"]
-    host["tint"] = (0.2, 0.5, 0.8)
-    if as_attribute:
-        group = bpy.data.node_groups["Nodes"]
-        store, where = group.nodes.new("GeometryNodeStoreNamedAttribute"), group.nodes.new("GeometryNodeInputPosition")
-        store.data_type, store.domain = "FLOAT_VECTOR", "INSTANCE"
-        store.inputs["Name"].default_value = "tint"
-        absolute = group.nodes.new("ShaderNodeVectorMath")
-        absolute.operation = "ABSOLUTE"
-        end = next(node for node in group.nodes if node.type == "GROUP_OUTPUT")
-        source = end.inputs[0].links[0].from_socket
-        group.links.new(source, store.inputs["Geometry"])
-        group.links.new(where.outputs[0], absolute.inputs[0])
-        group.links.new(absolute.outputs[0], store.inputs["Value"])
-        group.links.new(store.outputs[0], end.inputs[0])
-
-
-@pytest.mark.parametrize(
-    "make, kind, output, nested",
-    [
-        (collections, "ShaderNodeObjectInfo", "Random", False),
-        (collections, "ShaderNodeObjectInfo", "Random", True),
-        (lambda: tinted(False), "ShaderNodeAttribute", "Color", False),
-        (lambda: tinted(True), "ShaderNodeAttribute", "Color", False),
-    ],
-)
-def test_stand_ins_look_as_what_their_instances_alone_would_know(make, kind, output, nested, tmp_path):
-    stage()
-    make()
-    mesh = bpy.data.objects["Wedge"].data
-    for index in (0, 1):
-        mesh.materials[index] = emission_of(kind, output, "tint", nested)
-    bpy.data.objects["Floor"].hide_render = True
-    expected = picture(tmp_path)
-    before = snapshot()
-    assert len(np.unique(expected[..., 0].round(3))) > 3
-    bake(page_size=128)
-    np.testing.assert_allclose(picture(tmp_path), expected, atol=2e-3)
-    revert(bpy.context.scene)
-    assert differences(before, snapshot()) == []

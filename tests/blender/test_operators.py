@@ -3,20 +3,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import bpy
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from datablocks import differences, snapshot
-
 from radiosity_addon import blender
 from radiosity_addon.blender import operators, panels, properties
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import STAGES
+from tests.blender.datablocks import differences, snapshot
 
 
 @pytest.fixture(autouse=True)

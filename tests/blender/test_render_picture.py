@@ -3,21 +3,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import bpy
 import pytest
 from mathutils import Vector
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from datablocks import differences, snapshot
-
 from radiosity_addon.blender.fitted_camera import fitted_camera
 from radiosity_addon.blender.render_picture import render_picture
 from radiosity_addon.errors import SceneError
 from radiosity_addon.files import Transaction
+from tests.blender.datablocks import differences, snapshot
 
 BOX = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 FRONT = (0, 4, 5, 1)

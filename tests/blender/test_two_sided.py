@@ -3,20 +3,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from baked import diffuse
-from datablocks import differences, snapshot
-
 from radiosity_addon.blender.extract import extract_scene
 from radiosity_addon.errors import SceneError
+from tests.blender.baked import diffuse
+from tests.blender.datablocks import differences, snapshot
 
 SUN = 3.0
 """W/m2; a surface that faces it holds 3 / pi."""
