@@ -49,6 +49,7 @@ class Verb:
     splits: tuple[int, ...] | None = None
     subdivisions: int | None = None
     picture: Path | None = None
+    gltf: bool | None = None
     quiet: bool = False
 
 
@@ -126,6 +127,17 @@ def parser(opened: str | None) -> argparse.ArgumentParser:
     revert.add_argument(
         "-o", dest="output", type=_blend, required=True, metavar="OUT.blend", help="the scene as before"
     )
+
+    export = verbs.add_parser(
+        "export",
+        help="write a bake's lightmaps and a glTF file for game engines and the web",
+        description="Write a baked scene's lightmaps, how to read and place them, and a glTF file that shows them.",
+    )
+    _add_scene(export, "a baked scene", opened)
+    export.add_argument("-o", dest="output", type=Path, required=True, metavar="FOLDER", help="where the files go")
+    _add_format(export)
+    export.add_argument("--no-gltf", dest="gltf", action="store_false", default=None, help="write no .glb file")
+    export.add_argument("--quiet", action="store_true", help="print errors only")
 
     passes = verbs.add_parser(
         "passes",

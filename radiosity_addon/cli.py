@@ -75,6 +75,10 @@ def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
             blend_files.open_blend(verb.scene)
         if verb.name == "bake":
             _say_result(commands.bake(verb, meter), verb, meter)
+        elif verb.name == "export":
+            exported = commands.export(verb)
+            _say_warnings(exported.warnings, verb, meter)
+            meter.say(exported.summary())
         elif verb.name == "passes":
             contact_sheet(verb, meter)
             meter.say(f"Saved {verb.picture}")
@@ -85,11 +89,15 @@ def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
             meter.say(commands.info(verb))
 
 
-def _say_result(report: Report, verb: Verb, meter: Meter) -> None:
+def _say_warnings(warnings: Sequence[str], verb: Verb, meter: Meter) -> None:
     if not verb.quiet:
-        for warning in report.warnings:
+        for warning in warnings:
             meter.clear()
             print(f"radiosity: warning: {warning}", file=sys.stderr)
+
+
+def _say_result(report: Report, verb: Verb, meter: Meter) -> None:
+    _say_warnings(report.warnings, verb, meter)
     figures = f"{report.texels:,} texels, {report.patches:,} patches, {short_count(report.rays)} rays"
     meter.say(f"{report.summary()}: {figures}, residual {report.residual:.2g}")
     meter.say(f"Saved {verb.output}")

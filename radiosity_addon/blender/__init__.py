@@ -16,21 +16,23 @@ _command: Any = None
 def register() -> None:
     """Add settings, operators, panels and the command `blender --command radiosity`."""
     global _command
-    from . import operators, panels, properties
+    from . import export_panel, operators, panels, properties
 
     properties.register()
     operators.register()
     panels.register()
+    export_panel.register()
     _command = bpy.utils.register_cli_command("radiosity", run_command)
 
 
 def unregister() -> None:
     """Take all of it away again."""
     global _command
-    from . import operators, panels, properties
+    from . import export_panel, operators, panels, properties
 
     bpy.utils.unregister_cli_command(_command)
     _command = None
+    export_panel.unregister()
     panels.unregister()
     operators.unregister()
     properties.unregister()

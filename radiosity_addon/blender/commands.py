@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The verbs of the command line at work on the open .blend: bake it, take a bake out, say what a bake would do."""
+"""The verbs of the command line at work on the open .blend: bake it, export or take out a bake, tell of one to come."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ..pages.page_format import PageFormat
 from ..reports.report import Report, count_of, write_report
 from ..settings import BakeSettings
 from .blend_files import save_blend, silence
+from .export import Exported, Handover, export_lightmaps
 from .extract import SURFACES, extract_scene
 from .job import Job, bake_scene
 from .names import is_baked
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from ..arguments import Verb
     from ..progress import Meter
     from ..stages import Progress
+    from .format_properties import RadiosityFileSettings
 
 BYTES_PER_TEXEL = 100
 """What a bake keeps of each texel of its pages, at most."""
@@ -52,7 +54,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
         folder=textures,
         stem=output.stem,
         objects=verb.object,
-        page_format=page_format(scene, verb),
+        page_format=page_format(scene.radiosity.files, verb),
         looked_at=verb.report is not None,
     )
     with Transaction() as files:
@@ -96,6 +98,28 @@ def revert(verb: Verb) -> None:
         save_blend(verb.output, files)
         files.place(verb.output)
         files.commit()
+
+
+def export(verb: Verb) -> Exported:
+    """Write the files that hand the open scene's bake over.
+
+    Raises:
+        BakeError: with the object or file, the cause and the remedy
+    """
+    scene = bpy.context.scene
+    settings = scene.radiosity_export
+    wanted = Handover(
+        folder=verb.output,
+        stem=verb.scene.stem,
+        page_format=page_format(settings.files, verb),
+        gltf=settings.gltf if verb.gltf is None else verb.gltf,
+        workers=scene.radiosity.bake_settings().workers,
+    )
+    with Transaction() as files:
+        with silence():
+            exported = export_lightmaps(scene, wanted, files)
+        files.commit()
+    return exported
 
 
 def info(verb: Verb) -> str:
@@ -144,11 +168,11 @@ def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
     return replace(scene.radiosity.bake_settings(), **given)
 
 
-def page_format(scene: bpy.types.Scene, verb: Verb) -> PageFormat:
-    """The scene's format of page files, and what the command line says in its place."""
+def page_format(files: RadiosityFileSettings, verb: Verb) -> PageFormat:
+    """A format of page files as set in the scene, and what the command line says in its place."""
     names = ("format", "depth", "compression", "exposure", "transfer", "space", "intent")
     given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
-    return replace(scene.radiosity.files.page_format(), **given)
+    return replace(files.page_format(), **given)
 
 
 def watched(steps: Generator[Progress, None, Report], meter: Meter) -> Report:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user sets in Blender about the files of pages: `scene.radiosity.files`."""
+"""What a user sets in Blender about the files of pages: `scene.radiosity.files`, `scene.radiosity_export.files`."""
 
 from __future__ import annotations
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty
 
-from ..pages.page_format import MAX_EXPOSURE, PageFormat
+from ..pages.page_format import MAX_EXPOSURE, PICTURES, PageFormat
 
 
 class RadiosityFileSettings(bpy.types.PropertyGroup):
@@ -83,6 +83,20 @@ class RadiosityFileSettings(bpy.types.PropertyGroup):
         ),
         default=PageFormat.intent,
     )
+
+    def draw(self, layout: bpy.types.UILayout) -> None:
+        """What matters of the settings for the format that is chosen."""
+        layout.prop(self, "format")
+        if self.format == "exr":
+            layout.prop(self, "depth", expand=True)
+            layout.prop(self, "compression")
+        elif self.format in PICTURES:
+            layout.prop(self, "exposure")
+            layout.prop(self, "transfer", expand=True)
+        layout.prop(self, "space")
+        fitting = layout.column()
+        fitting.active = self.format != "exr" or self.space != "auto"
+        fitting.prop(self, "intent")
 
     def page_format(self) -> PageFormat:
         """The core's settings."""

@@ -19,7 +19,10 @@ BAKE_KEY = "radiosity_bake"
 """The bake's token: on the scene, and on every datablock that the bake made or changed."""
 
 PAGE_KEY = "radiosity_page"
-"""On an image: index of the page that it holds."""
+"""On an image: index of the page that it holds. On a baked object: of the page that it lies on."""
+
+BACK_PAGE_KEY = "radiosity_back_page"
+"""On a baked object of two sides: index of the page that its backs lie on."""
 
 RECIPE_KEY = "radiosity_recipe"
 """On an image: how its file's numbers become light, JSON."""
@@ -49,8 +52,8 @@ SLOTS_KEY = "radiosity_slots"
 """On an object that shares its mesh: what its material slots were linked to."""
 
 KEYS = (
-    BAKE_KEY, PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY,
-    SLOTS_KEY,
+    BAKE_KEY, PAGE_KEY, BACK_PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY,
+    PLACE_KEY, SLOTS_KEY,
 )  # fmt: skip
 
 

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import bpy
 
-from ..pages.page_format import PICTURES
 from .names import is_baked
 from .operators import Running
 
@@ -83,18 +82,7 @@ class RADIOSITY_PT_files(RenderPanel, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        files = context.scene.radiosity.files
-        layout.prop(files, "format")
-        if files.format == "exr":
-            layout.prop(files, "depth", expand=True)
-            layout.prop(files, "compression")
-        elif files.format in PICTURES:
-            layout.prop(files, "exposure")
-            layout.prop(files, "transfer", expand=True)
-        layout.prop(files, "space")
-        fitting = layout.column()
-        fitting.active = files.format != "exr" or files.space != "auto"
-        fitting.prop(files, "intent")
+        context.scene.radiosity.files.draw(layout)
 
 
 class RADIOSITY_PT_solver(RenderPanel, bpy.types.Panel):

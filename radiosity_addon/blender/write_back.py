@@ -25,7 +25,18 @@ from .evaluation import at_render_settings
 from .extraction import Extraction, Source
 from .instance_stand_ins import Replacement, replace_instancers
 from .instances import Key
-from .names import BACK_UV_MAP, BAKE_KEY, PAGE_KEY, PLACE_KEY, SLOT_KEY, SLOTS_KEY, UV_KEY, UV_MAP, has_our_uv_map
+from .names import (
+    BACK_PAGE_KEY,
+    BACK_UV_MAP,
+    BAKE_KEY,
+    PAGE_KEY,
+    PLACE_KEY,
+    SLOT_KEY,
+    SLOTS_KEY,
+    UV_KEY,
+    UV_MAP,
+    has_our_uv_map,
+)
 from .page_images import load_page
 from .preflight import check_can_carry
 from .preview_materials import PreviewMaterials
@@ -263,8 +274,11 @@ def _switch(
         if place.own_mesh and place.target.data not in written:
             _write_uvs(place, token)
             written.add(place.target.data)
+        place.target[BAKE_KEY], place.target[PAGE_KEY] = token, place.page
         if place.place is not None:
-            place.target[BAKE_KEY], place.target[PLACE_KEY] = token, place.place
+            place.target[PLACE_KEY] = place.place
+        if place.back is not None:
+            place.target[BACK_PAGE_KEY] = place.back[0]
     for place in places:
         if mode == "preview":
             _show_preview(place, previews, token)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ..color.spaces import RGBSpace
 from ..color.transfer import srgb_encode
 from ..files import Transaction, safe_stem, write_bytes, write_text
 from .encodings import encode_logluv, encode_rgb9e5, encode_rgbd, encode_rgbm, quantize
-from .image import HALF_MAX, write_exr, write_hdr
+from .image import HALF_MAX, read_image, write_exr, write_hdr
 from .page_format import PageFormat, Recipe
 from .png import P3_CHROMATICITIES, REC709_CHROMATICITIES, Chunk, gamma_chunks, png_bytes, srgb_chunks, text_chunk
 
@@ -111,9 +111,20 @@ def gamut_map(wanted: PageFormat, working: RGBSpace) -> GamutMap:
     )
 
 
-def write_sidecar(path: Path, pages: Sequence[Path], recipe: Recipe, files: Transaction) -> None:
-    """Write how to read the pages, as JSON beside them."""
-    known = {"pages": [page.name for page in pages], **recipe.as_dict()}
+def read_page(path: Path, recipe: Recipe) -> Float32:
+    """The light (H, W, 3) of a page's file, W/(m2 sr), row 0 at v = 0, in the recipe's space.
+
+    Raises:
+        OutputError: it can't be read
+    """
+    return recipe.decode(read_image(path))
+
+
+def write_sidecar(
+    path: Path, pages: Sequence[Path], recipe: Recipe, files: Transaction, more: Mapping[str, Any] | None = None
+) -> None:
+    """Write how to read the pages, and what `more` there is to know, as JSON beside them."""
+    known = {"pages": [page.name for page in pages], **recipe.as_dict(), **(more or {})}
     write_text(path, json.dumps(known, indent=2, ensure_ascii=False, allow_nan=False) + "\n", files)
 
 
