@@ -103,7 +103,7 @@ def test_solvers_agree_with_elimination(name):
 
 
 ONE_BY_ONE = ("southwell", "overshooting", "gauss-seidel")
-"""Solvers that take patches one by one: minutes for 2,000 of them, which is what benchmarks/methods.py is for."""
+"""Solvers that take patches one by one: minutes for 2,000 of them, which is what benchmarks/solvers.py is for."""
 
 
 @pytest.fixture(scope="module", params=["colours", "bright and open"])
