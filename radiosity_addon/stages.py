@@ -8,7 +8,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TypeVar
 
-from .geometry.visibility import Visibility
+from .geometry.visibility import Tally, Visibility
 
 T = TypeVar("T")
 
@@ -43,13 +43,34 @@ class Progress:
     rays: int = 0
 
 
+NO_RAYS = Tally()
+
+
 @dataclass(frozen=True)
 class Stage:
-    """A finished stage: its name, seconds it took and rays it traced."""
+    """A finished stage.
+
+    Attributes:
+        seconds: it took
+        rays: it traced
+        processor: seconds of all threads together
+        tally: of these, what passed in Embree
+    """
 
     name: str
     seconds: float
     rays: int
+    processor: float = 0.0
+    tally: Tally = NO_RAYS
+
+    def __add__(self, more: Stage) -> Stage:
+        return Stage(
+            self.name,
+            self.seconds + more.seconds,
+            self.rays + more.rays,
+            self.processor + more.processor,
+            self.tally + more.tally,
+        )
 
 
 class StageLog:
@@ -60,8 +81,8 @@ class StageLog:
         self.visibility: Visibility | None = None
         self.residual = 1.0
         self._before = 0.0
-        self._start = time.perf_counter()
-        self._rays = 0
+        self._start, self._processor = time.perf_counter(), time.process_time()
+        self._rays, self._tally = 0, NO_RAYS
 
     @property
     def rays(self) -> int:
@@ -83,11 +104,12 @@ class StageLog:
         finally:
             steps.close()
         self._before += share
-        now = time.perf_counter()
-        found = Stage(name, now - self._start, self.rays - self._rays)
+        now, processor = time.perf_counter(), time.process_time()
+        tally = self.visibility.tally if self.visibility else NO_RAYS
+        found = Stage(name, now - self._start, self.rays - self._rays, processor - self._processor, tally - self._tally)
         if before:
             self.stages.remove(before)
-            found = Stage(name, before.seconds + found.seconds, before.rays + found.rays)
+            found = before + found
         self.stages.append(found)
-        self._start, self._rays = now, self.rays
+        self._start, self._processor, self._rays, self._tally = now, processor, self.rays, tally
         return result

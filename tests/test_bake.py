@@ -72,6 +72,9 @@ def test_bounced_light_in_a_sphere_is_even_wherever_its_lamp_hangs() -> None:
     assert np.abs(bounced[far] / expected - 1).max() < 0.06
 
 
+CLOCK = 0.02
+"""Seconds by which clocks of threads and of the process may differ."""
+
 HANGING: dict[str, tuple[Light, float]] = {
     "point": (PointLight("Lamp", WATTS_100, (0, 0, 2)), 0.633257),
     "spot": (
@@ -338,6 +341,12 @@ def test_rays_grow_and_the_residual_falls_to_the_tolerance(steps: tuple[list[Pro
     assert residuals == sorted(residuals, reverse=True)
     assert 0 < baked.residual <= BakeSettings.tolerance
     assert sum(stage.rays for stage in baked.stages) == baked.rays >= rays[-1] > 0
+    assert sum(stage.tally.closest + stage.tally.shadow for stage in baked.stages) == baked.rays
+
+
+def test_no_stage_spends_more_in_embree_than_it_takes(steps: tuple[list[Progress], Baked]) -> None:
+    _, baked = steps
+    assert all(0 <= stage.tally.seconds <= stage.processor + CLOCK for stage in baked.stages)
 
 
 @pytest.mark.parametrize("stage", STAGES)

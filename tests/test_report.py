@@ -11,6 +11,7 @@ import pytest
 
 from radiosity_addon.color.spaces import REC709
 from radiosity_addon.files import Transaction
+from radiosity_addon.geometry.visibility import Tally
 from radiosity_addon.pages.page_files import PageFiles
 from radiosity_addon.pages.page_format import Recipe
 from radiosity_addon.radiosity.relaxation import Balance
@@ -28,6 +29,7 @@ def report(**changes: object) -> Report:
         "texels": np.int64(120),
         "patches": 12,
         "rays": np.int64(3000),
+        "tracing": Tally(2000, 0.5, 1000, 0.25),
         "residual": np.float32(0.0009765625),
         "warnings": ["Lamp: negative energy"],
         "name": "room",
@@ -63,6 +65,7 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
         "texels": 120,
         "patches": 12,
         "rays": 3000,
+        "tracing": {"closest": 2000, "closest_seconds": 0.5, "shadow": 1000, "shadow_seconds": 0.25},
         "residual": 0.0009765625,
         "residuals": [1.0, 0.5, 0.0009765625],
         "balance": pytest.approx({"emitted": 4.0, "absorbed": 2.0, "escaped": 1.0, "unshot": 1.0}),

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.geometry.visibility import Tally, Visibility
 
 SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], np.float32)
 """Counter-clockwise seen from above: its front looks up."""
@@ -114,3 +114,19 @@ def test_arrays_of_any_layout_are_traced_alike():
     origins, directions = rays((0.6, 0.3, 1), (0.2, 0.9, 2)), rays((0, 0, -1), (0, 0, -1))
     turned = Visibility(SQUARE).first_hit(np.asfortranarray(origins), directions.astype(np.float64))
     assert np.array_equal(turned.distance, Visibility(SQUARE).first_hit(origins, directions).distance)
+
+
+def test_the_tally_tells_kinds_of_rays_apart():
+    bvh = Visibility(SQUARE)
+    down = rays((0.6, 0.3, 1), (0.6, 0.3, 2), (5, 5, 1))
+    bvh.first_hit(down, rays(*[(0, 0, -1)] * 3))
+    bvh.occluded(down[:2], rays(*[(0, 0, -3)] * 2))
+    assert (bvh.tally.closest, bvh.tally.shadow) == (3, 2)
+    assert bvh.tally.seconds == bvh.tally.closest_seconds + bvh.tally.shadow_seconds > 0
+
+
+def test_the_tally_takes_in_what_hides_lamps_only():
+    bvh = Visibility(SQUARE, casts=np.array([True, False]))
+    bvh.of_lamps.occluded(rays((0.6, 0.3, 1)), rays((0, 0, -3)))
+    assert bvh.tally.shadow == 1
+    assert bvh.tally - bvh.of_lamps.tally == Tally()

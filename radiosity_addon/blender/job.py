@@ -22,7 +22,7 @@ from ..pages.page_format import PageFormat
 from ..reports.overview import overview
 from ..reports.report import BakedObject, Page, Report
 from ..settings import BakeSettings
-from ..stages import Progress
+from ..stages import NO_RAYS, Progress
 from .cycles_shader import CyclesShader
 from .extract import extract_scene
 from .write_back import write_back
@@ -124,6 +124,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         texels=baked.texels,
         patches=baked.patches,
         rays=baked.rays,
+        tracing=sum((stage.tally for stage in baked.stages), NO_RAYS),
         residual=baked.residual,
         name=job.stem,
         working_space=working,

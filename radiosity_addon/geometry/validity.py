@@ -46,7 +46,7 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     normals = np.concatenate([axes, np.repeat(surfaces.normal[glowing], 4, axis=0)])
     rays = np.arange(len(starts))
     hits = shells.first_hit(starts, cosine_directions(normals, hash_uniform(rays, 0), hash_uniform(rays, 1)))
-    visibility.rays += shells.rays
+    visibility.include(shells)
     behind = closed[hits.triangle[(hits.triangle >= 0) & ~hits.front]]
     source = np.concatenate([ids, count + np.repeat(np.arange(len(glowing)), 4)])[(hits.triangle >= 0) & ~hits.front]
     around = surfaces.component[behind]
@@ -106,7 +106,7 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
         inside[ids, slot] = met(ids, slot)
 
     yield from in_chunks(every, len(asked), CHUNK // STRATA, workers)
-    visibility.rays += solids.rays
+    visibility.include(solids)
     return inside
 
 

@@ -8,8 +8,9 @@ surface or stop at it by chance: what they find then counts in full, and no ray 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -57,10 +58,48 @@ class Hits:
     tint: Float32 | None = None
 
 
+@dataclass(frozen=True)
+class Tally:
+    """Rays that Embree traced, and the processor time it took for them, s, of all threads together.
+
+    Attributes:
+        closest, closest_seconds: of rays that look for the nearest surface
+        shadow, shadow_seconds: of rays that ask whether anything is in the way
+    """
+
+    closest: int = 0
+    closest_seconds: float = 0.0
+    shadow: int = 0
+    shadow_seconds: float = 0.0
+
+    def __add__(self, more: Tally) -> Tally:
+        return Tally(*(one + other for one, other in zip(astuple(self), astuple(more), strict=True)))
+
+    def __sub__(self, less: Tally) -> Tally:
+        return Tally(*(one - other for one, other in zip(astuple(self), astuple(less), strict=True)))
+
+    @property
+    def seconds(self) -> float:
+        return self.closest_seconds + self.shadow_seconds
+
+
+class _Meter:
+    """Keeps a tally for several threads."""
+
+    def __init__(self) -> None:
+        self.tally = Tally()
+        self._lock = threading.Lock()
+
+    def add(self, more: Tally) -> None:
+        with self._lock:
+            self.tally += more
+
+
 class _Tree:
     """A BVH over those of the triangles (F, 3, 3) that are `chosen`, (K,) or None for all."""
 
-    def __init__(self, corners: Float32, chosen: Int64 | None = None) -> None:
+    def __init__(self, corners: Float32, meter: _Meter, chosen: Int64 | None = None) -> None:
+        self._meter = meter
         try:
             from embreex import rtcore_scene
             from embreex.mesh_construction import TriangleMesh
@@ -83,12 +122,11 @@ class _Tree:
         """Whether anything lies along the rays (R, 3), before the share `end` of them if that is given."""
         if self.empty or len(origins) == 0:
             return np.zeros(len(origins), bool)
-        found = self._scene.run(
-            np.ascontiguousarray(origins, np.float32),
-            np.ascontiguousarray(segments, np.float32),
-            dists=None if end is None else np.full(len(origins), end, np.float32),
-            query="OCCLUDED",
-        )
+        origins, segments = (np.ascontiguousarray(part, np.float32) for part in (origins, segments))
+        dists = None if end is None else np.full(len(origins), end, np.float32)
+        start = time.thread_time()
+        found = self._scene.run(origins, segments, dists=dists, query="OCCLUDED")
+        self._meter.add(Tally(shadow=len(origins), shadow_seconds=time.thread_time() - start))
         return np.asarray(found == 0)
 
     def first(self, origins: Float32, directions: Float32, ends: Float32 | None = None) -> tuple[Hits, Float32]:
@@ -99,9 +137,11 @@ class _Tree:
             far = np.full(count, 1e37, np.float32)
             hits = Hits(np.full(count, -1, np.int32), nothing, nothing, far, np.zeros(count, bool))
             return hits, np.zeros((count, 3), np.float32)
-        directions = np.ascontiguousarray(directions, np.float32)
+        origins, directions = (np.ascontiguousarray(part, np.float32) for part in (origins, directions))
         dists = None if ends is None else ends.astype(np.float32)  # a copy: it is written into
-        found = self._scene.run(np.ascontiguousarray(origins, np.float32), directions, dists=dists, output=1)
+        start = time.thread_time()
+        found = self._scene.run(origins, directions, dists=dists, output=1)
+        self._meter.add(Tally(closest=count, closest_seconds=time.thread_time() - start))
         triangle = found["primID"]
         if self.number is not None:
             triangle = np.where(triangle >= 0, self.number[triangle], np.int32(-1))
@@ -141,13 +181,16 @@ class Visibility:
         met, casts = (np.ones(len(corners), bool) if part is None else part for part in (met, casts))
         self.rays = 0
         self._lock = threading.Lock()
+        self._meter = _Meter()
         self.transmittance = transmittance
         self._lift = np.float32(lift)
         if transmittance is None:
-            self._opaque = _Tree(corners, None if met.all() else np.flatnonzero(met))
+            self._opaque = _Tree(corners, self._meter, None if met.all() else np.flatnonzero(met))
         else:
-            self._opaque = _Tree(corners, np.flatnonzero(transmittance.opaque & met))
-            self._veils = _Tree(corners, np.flatnonzero(~(transmittance.opaque | transmittance.clear) & met))
+            self._opaque = _Tree(corners, self._meter, np.flatnonzero(transmittance.opaque & met))
+            self._veils = _Tree(
+                corners, self._meter, np.flatnonzero(~(transmittance.opaque | transmittance.clear) & met)
+            )
         self.of_lamps = self
         if not np.array_equal(met, casts):
             self.of_lamps = Visibility(corners, transmittance, lift, casts, casts)
@@ -168,10 +211,22 @@ class Visibility:
         with self._lock:
             self.rays += len(origins)
 
+    def include(self, other: Visibility) -> None:
+        """Count what another has traced as traced here."""
+        with self._lock:
+            self.rays += other.rays
+        self._meter.add(other.tally)
+
     @property
     def traced(self) -> int:
         """Rays traced so far, those to lamps included."""
         return self.rays if self.of_lamps is self else self.rays + self.of_lamps.rays
+
+    @property
+    def tally(self) -> Tally:
+        """What Embree has done so far, for lamps included. Rays that pass surfaces come again from each."""
+        own = self._meter.tally
+        return own if self.of_lamps is self else own + self.of_lamps.tally
 
     def occluded(self, origins: Float32, segments: Float32) -> Bools:
         """Whether what lies between origins (R, 3) and origins + segments (R, 3) stops most of the light."""

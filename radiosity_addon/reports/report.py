@@ -7,15 +7,17 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..color.spaces import REC709, RGBSpace
 from ..files import Transaction, write_text
+from ..geometry.visibility import Tally
 from ..pages.page_files import PageFiles
 from ..radiosity.relaxation import Balance
 from ..settings import BakeSettings
+from ..stages import NO_RAYS
 from .overview import Map, Overview
 
 RESIDUALS = 200
@@ -78,6 +80,7 @@ class Report:
         stages: (name, seconds, rays)
         seconds: from reading the scene to files replaced
         texels: covered ones
+        tracing: rays that Embree traced, by kind, and the processor time in it
         residual: unshot share of the emitted power
         working_space: the space that the light was baked in
         name: of the scene
@@ -98,6 +101,7 @@ class Report:
     patches: int
     rays: int
     residual: float
+    tracing: Tally = NO_RAYS
     warnings: Sequence[str] = field(default_factory=tuple)
     name: str = ""
     working_space: RGBSpace = REC709
@@ -147,6 +151,7 @@ class Report:
             "texels": int(self.texels),
             "patches": int(self.patches),
             "rays": int(self.rays),
+            "tracing": asdict(self.tracing),
             "residual": _finite(self.residual),
             "residuals": [_finite(residual) for residual in thinned(self.residuals)],
             "balance": self._balance_as_dict(),
