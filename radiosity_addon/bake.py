@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Bools, Float32, Int64
+from .arrays import Bools, Float32, Int32, Int64
 from .atlas.unwrap import Atlas, build_atlas
 from .chunks import Fractions, scaled
 from .errors import SceneError
@@ -57,6 +57,7 @@ class Baked:
         residuals: the same at the start and after every step
         balance: where the light between patches has gone
         elements: the texels, those of hidden pages after the others
+        patch: (T,) int32, patch of each texel, negative for none
     """
 
     atlas: Atlas
@@ -69,6 +70,7 @@ class Baked:
     residuals: tuple[float, ...]
     balance: Balance
     elements: Texels
+    patch: Int32
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...]
 
@@ -144,6 +146,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
         residuals=solution.residuals,
         balance=solution.balance,
         elements=texels,
+        patch=patches.of_element[: texels.count],
         stages=tuple(log.stages),
         warnings=warnings,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Float64, Int64
+from ..arrays import Float64, Floats, Int32, Int64
 
 
 def islands(vertex: Int64) -> Int64:
@@ -35,6 +35,30 @@ def welded(position: Float64) -> Int64:
     number = np.empty(len(position), np.int64)
     number[order] = np.cumsum(changes)
     return number
+
+
+def uv_charts(vertex: Int64 | Int32, uv: Floats) -> tuple[Int64, Int64]:
+    """Charts of a uv map: parts whose triangles share vertices of the mesh and lie together in the map too.
+
+    Args:
+        vertex: (F, 3) vertices of the mesh
+        uv: (F, 3, 2)
+
+    Returns:
+        (F,) the chart of each triangle, and (F, 3) the number of each corner, the same where neighbours share it
+    """
+    corner = np.concatenate([vertex[..., None].astype(np.float64), uv], axis=2).reshape(-1, 3)
+    number = welded(corner).reshape(-1, 3)
+    return islands(number), number
+
+
+def borders(vertex: Int64) -> Int64:
+    """Edges (K,) of triangles (F, 3) that no second one has: 3 * triangle + k goes from its corner k to the next."""
+    ends = np.sort(np.stack([vertex, np.roll(vertex, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    order = np.lexsort(ends.T)
+    same = (np.diff(ends[order], axis=0) == 0).all(axis=1)
+    alone = ~(np.append(False, same) | np.append(same, False)) if len(order) else np.zeros(0, bool)
+    return np.sort(order[alone])
 
 
 def rough_share(vertex: Int64, normal: Float64, cosine: float) -> float:

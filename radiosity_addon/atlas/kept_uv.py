@@ -8,7 +8,7 @@ import numpy as np
 from ..arrays import Bools, Float64, Int64
 from ..errors import SceneError
 from ..scene import Mesh
-from .islands import islands
+from .islands import uv_charts
 from .overlap import overlapping
 
 OUTSIDE = 1e-5
@@ -59,9 +59,7 @@ def kept_uv(mesh: Mesh, area: Float64, solid: Bools) -> tuple[Float64, Int64]:
     pairs = overlapping(uv[chosen], np.zeros(len(chosen), np.int64), TOUCHING)
     if len(pairs):
         raise _refused(mesh, "has faces that lie on one another", chosen[np.unique(pairs)])
-    corner = np.concatenate([mesh.triangles[..., None].astype(np.float64), uv], axis=2).reshape(-1, 3)
-    _, key = np.unique(corner, axis=0, return_inverse=True)
-    return uv * np.sqrt(area[solid].sum() / flat[solid].sum()), islands(key.reshape(-1, 3).astype(np.int64))
+    return uv * np.sqrt(area[solid].sum() / flat[solid].sum()), uv_charts(mesh.triangles, uv)[0]
 
 
 def _refused(mesh: Mesh, what: str, triangles: Int64) -> UvMapError:

@@ -21,10 +21,12 @@ from ..pages.page_files import PageFiles, page_paths, sidecar_path, write_pages,
 from ..pages.page_format import PageFormat
 from ..reports.overview import overview
 from ..reports.report import BakedObject, Page, Report
+from ..reports.texel_maps import packed, texel_map
 from ..settings import BakeSettings
 from ..stages import NO_RAYS, Progress
 from .cycles_shader import CyclesShader
 from .extract import extract_scene
+from .names import TEXELS_KEY
 from .write_back import write_back
 
 READING_SHARE = 0.02
@@ -101,6 +103,9 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
             mode=job.write_back,
             pack=job.folder is None,
         )
+        for page, row in enumerate(images):
+            kept = packed(texel_map(baked.elements, baked.patch, page))
+            bpy.data.images[row["image"]][TEXELS_KEY] = kept
     end = time.perf_counter()
     own = range(len(extraction.sources))
     lit = [index for index in own if 0 <= baked.atlas.page[index] < baked.atlas.page_count]

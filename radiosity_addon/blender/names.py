@@ -24,6 +24,9 @@ PAGE_KEY = "radiosity_page"
 BACK_PAGE_KEY = "radiosity_back_page"
 """On a baked object of two sides: index of the page that its backs lie on."""
 
+TEXELS_KEY = "radiosity_texels"
+"""On an image: what each texel of its page was to the bake, packed."""
+
 RECIPE_KEY = "radiosity_recipe"
 """On an image: how its file's numbers become light, JSON."""
 
@@ -53,7 +56,7 @@ SLOTS_KEY = "radiosity_slots"
 
 KEYS = (
     BAKE_KEY, PAGE_KEY, BACK_PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY,
-    PLACE_KEY, SLOTS_KEY,
+    PLACE_KEY, SLOTS_KEY, TEXELS_KEY,
 )  # fmt: skip
 
 

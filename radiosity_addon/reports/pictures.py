@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Float32, Float64
 from ..color.gamut import GamutMap
-from ..color.oklab import from_oklab
+from ..color.oklab import from_oklab, to_oklab
 from ..color.spaces import REC709, RGBSpace, xy_of, xyz_of
 from ..color.spectra import observer
-from ..color.transfer import srgb_encode
+from ..color.transfer import srgb_decode, srgb_encode
 from ..pages.encodings import UInt8, quantize
 from ..pages.png import png_bytes, srgb_chunks
 from .overview import data_uri
@@ -24,6 +25,15 @@ were green at 555 nm. A real lamp that draws 1 W gives 15 to 150 lm."""
 SHOWN_AS_WHITE = 0.9
 """Share of texels that a picture shows below white."""
 SCALE_STEPS = 256
+DARK_END, BRIGHT_END = 0.005, 0.999
+"""Shares of texels below the ends of a scale of light."""
+MOST_SCALE = 1e4
+"""Ratio of the ends of a scale of light, at most: 13 stops."""
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+"""Steps by it never meet an earlier step, and part the circle evenly."""
+LOOSE_COLOR, RIGHT_COLOR, DENSE_COLOR = (213, 60, 0), (20, 165, 105), (20, 105, 235)
+"""Too few texels, as many as wanted, too many, sRGB: vermilion, bluish green and blue, which eyes that lack a cone tell
+apart by their yellow and blue, as those of Okabe and Ito (2008) are chosen."""
 
 
 def shrunk(page: Float32, edge: int) -> Float32:
@@ -81,6 +91,42 @@ def false_colors(values: Float32 | Float64, low: float, high: float, *, logarith
         share = (values - low) / (high - low)
     index = np.clip(share * (SCALE_STEPS - 1) + 0.5, 0, SCALE_STEPS - 1).astype(np.int64)
     colors: UInt8 = color_scale()[index]
+    return colors
+
+
+def scale_ends(values: Sequence[Float32]) -> tuple[float, float]:
+    """Ends of a logarithmic scale, thirds of powers of ten, between which almost all of these arrays of light lie."""
+    every = np.concatenate([part.ravel() for part in values]) if values else np.zeros(0, np.float32)
+    lit = every[every > 0]
+    if not len(lit):
+        return 1.0, 10.0
+    low, high = np.quantile(lit, [DARK_END, BRIGHT_END])
+    low = max(float(low), float(high) / MOST_SCALE)
+    low, high = np.floor(np.log10(low) * 3) / 3, np.ceil(np.log10(max(high, low * 2)) * 3) / 3
+    return float(10**low), float(10**high)
+
+
+@cache
+def density_scale() -> UInt8:
+    """(256, 3) sRGB: too few texels, the wanted density in the middle, too many."""
+    share = np.linspace(0, 1, SCALE_STEPS)
+    stops = np.array([LOOSE_COLOR, RIGHT_COLOR, DENSE_COLOR], np.float64) / 255
+    lab = to_oklab(srgb_decode(stops.astype(np.float32)), REC709)
+    mixed = np.stack([np.interp(share, [0, 0.5, 1], lab[:, k]) for k in range(3)], axis=-1)
+    shown = srgb_encode(np.clip(from_oklab(mixed, REC709), 0, 1).astype(np.float32))
+    scale: UInt8 = np.round(shown * 255).astype(np.uint8)
+    return scale
+
+
+@cache
+def distinct_colors(count: int) -> UInt8:
+    """(count, 3) sRGB: hues a golden angle apart, on three levels of lightness, so that neighbours differ in both."""
+    number = np.arange(count)
+    hue = number * GOLDEN_ANGLE
+    lightness = np.array([0.62, 0.78, 0.70])[number % 3]
+    lab = np.stack([lightness, 0.11 * np.cos(hue), 0.11 * np.sin(hue)], axis=-1)
+    shown = srgb_encode(np.clip(from_oklab(lab, REC709), 0, 1).astype(np.float32))
+    colors: UInt8 = np.round(shown * 255).astype(np.uint8)
     return colors
 
 

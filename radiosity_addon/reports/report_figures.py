@@ -15,13 +15,18 @@ from ..arrays import Float32
 from ..color.spaces import RGBSpace
 from ..pages.encodings import UInt8
 from ..pages.png import gray_pixels
-from .pictures import as_seen, color_scale, exposure_of, false_colors, illuminance, marked, masked, picture_uri
+from .pictures import (
+    as_seen,
+    color_scale,
+    exposure_of,
+    false_colors,
+    illuminance,
+    marked,
+    masked,
+    picture_uri,
+    scale_ends,
+)
 from .plots import nice_numbers, scale_legend
-
-DARK_END, BRIGHT_END = 0.005, 0.999
-"""Shares of texels below the ends of the illuminance scale."""
-MOST_SCALE = 1e4
-"""Ratio of the ends of the illuminance scale, at most: 13 stops."""
 
 
 def pages_section(known: dict[str, Any], pages: Sequence[Float32 | None], space: RGBSpace) -> str:
@@ -33,7 +38,7 @@ def pages_section(known: dict[str, Any], pages: Sequence[Float32 | None], space:
         space: of that light
     """
     found = [page for page in pages if page is not None]
-    ends = _lux_ends(found, space)
+    ends = scale_ends([illuminance(page, space) for page in found])
     gain = exposure_of(found, space) if found else 1.0
     mapped = [page["maps"] for page in known["pages"] if "maps" in page]
     highs = {name: max((maps[name]["high"] for maps in mapped), default=1.0) for name in ("density", "error")}
@@ -89,17 +94,6 @@ def figure(uri: str, caption: str, kind: str = "") -> str:
 
 def _legend(ticks: Sequence[tuple[float, str]], label: str) -> str:
     return scale_legend([(float(share), text) for share, text in ticks], picture_uri(color_scale()[None]), label)
-
-
-def _lux_ends(pages: Sequence[Float32], space: RGBSpace) -> tuple[float, float]:
-    """Ends of the scale, at round numbers, between which almost all texels lie."""
-    lux = np.concatenate([illuminance(page, space).ravel() for page in pages]) if pages else np.zeros(0)
-    lit = lux[lux > 0]
-    if not len(lit):
-        return 1.0, 10.0
-    low, high = np.quantile(lit, [DARK_END, BRIGHT_END])
-    low = max(float(low), float(high) / MOST_SCALE)
-    return 10 ** (np.floor(np.log10(low) * 3) / 3), 10 ** (np.ceil(np.log10(max(high, low * 2)) * 3) / 3)
 
 
 def _decoded(map_known: dict[str, Any]) -> Float32:
