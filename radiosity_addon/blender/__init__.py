@@ -16,26 +16,24 @@ _command: Any = None
 def register() -> None:
     """Add settings, operators, panels and the command `blender --command radiosity`."""
     global _command
-    from . import export_panel, operators, panels, properties
-
-    properties.register()
-    operators.register()
-    panels.register()
-    export_panel.register()
+    for part in _parts():
+        part.register()
     _command = bpy.utils.register_cli_command("radiosity", run_command)
 
 
 def unregister() -> None:
     """Take all of it away again."""
     global _command
-    from . import export_panel, operators, panels, properties
-
     bpy.utils.unregister_cli_command(_command)
     _command = None
-    export_panel.unregister()
-    panels.unregister()
-    operators.unregister()
-    properties.unregister()
+    for part in reversed(_parts()):
+        part.unregister()
+
+
+def _parts() -> tuple[Any, ...]:
+    from . import export_panel, operators, overlay_panel, panels, properties
+
+    return properties, operators, panels, overlay_panel, export_panel
 
 
 @contextmanager

@@ -31,10 +31,15 @@ def baked_pages(scene: bpy.types.Scene) -> tuple[list[Float32], Recipe]:
     if sorted(images) != list(range(len(images))) or not images:
         raise SceneError(scene.name, "the image of one of its lightmaps was deleted", "Bake again")
     recipe = Recipe.from_dict(json.loads(images[0][RECIPE_KEY]))
-    return [_light_of(images[page], recipe) for page in range(len(images))], recipe
+    return [page_light(images[page], recipe) for page in range(len(images))], recipe
 
 
-def _light_of(image: bpy.types.Image, recipe: Recipe) -> Float32:
+def page_light(image: bpy.types.Image, recipe: Recipe) -> Float32:
+    """The light (H, W, 3) of one page, in the recipe's space.
+
+    Raises:
+        OutputError: its file is gone or can't be read
+    """
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file is None:
         if not path.is_file():
