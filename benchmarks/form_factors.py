@@ -81,7 +81,7 @@ def by_rays(pattern: NusseltRays | HemicubeRays, patches: Facets, visibility: Vi
 
 def by_pairs(points: int, patches: Facets, visibility: Visibility) -> np.ndarray:
     """(64,) form factors to the second square, by pairs of points."""
-    first, _, exchange = finish(exchange_of_pairs(patches, visibility, points, 1))
+    first, _, exchange, _ = finish(exchange_of_pairs(patches, visibility, points, 1))
     return np.array([exchange[first[row] : first[row + 1]].sum() for row in range(CUTS**2)]) / patches.area[: CUTS**2]
 
 

@@ -83,19 +83,29 @@ def test_light_received_grows_with_the_inverse_ratio_of_areas():
     assert solution.radiosity[1, 0, 0] == pytest.approx(0.5 * 0.1 * 4 / 1)
 
 
+def stained(transport: Transport) -> Transport:
+    """The same with coloured glass between some patches, symmetric as light is."""
+    row = np.repeat(np.arange(transport.count), np.diff(transport.first))
+    share = np.random.default_rng(5).random((3, transport.count))
+    tint = (share[:, row] + share[:, transport.column]) / 2
+    return replace(transport, tint=(tint / tint.mean(0) * 0.9).astype(np.float32))
+
+
 def exact(transport: Transport, patches, exitance: np.ndarray) -> np.ndarray:
     """Radiosity (N, G, 3) by NumPy's elimination, the equation written out once more."""
-    form_factors = transport.dense() / transport.area[:, None]
     found = np.empty(exitance.shape)
     for channel in range(3):
+        form_factors = transport.dense(channel) / transport.area[:, None]
         matrix = np.eye(transport.count) - patches.reflectance[:, channel, None].astype(float) * form_factors
         found[:, :, channel] = np.linalg.solve(matrix, exitance[:, :, channel])
     return found
 
 
+@pytest.mark.parametrize("glass", [False, True], ids=["clear", "stained"])
 @pytest.mark.parametrize("name", SOLVERS)
-def test_solvers_agree_with_elimination(name):
+def test_solvers_agree_with_elimination(name, glass):
     patches, transport, exitance = room()
+    transport = stained(transport) if glass else transport
     solution = finish(SOLVERS[name](transport, patches, exitance, 1e-9))
     assert solution.converged
     assert solution.radiosity == pytest.approx(exact(transport, patches, exitance), rel=1e-6)
@@ -133,11 +143,13 @@ def test_solvers_agree_on_large_rooms(large_rooms, name):
     assert np.abs(solution.radiosity - expected).max() < 1e-6 * expected.mean()
 
 
+@pytest.mark.parametrize("glass", [False, True], ids=["clear", "stained"])
 @pytest.mark.parametrize("name", SOLVERS)
-def test_the_books_balance_after_every_step(name):
+def test_the_books_balance_after_every_step(name, glass):
     """An open room with mirrors of light and black walls: emitted = unshot + absorbed + escaped."""
     patches = box((1, 1, 1), 3, reflectance=(0.9, 0.5, 0.0))
     transport = transport_of(patches.area, patches.transport(64).dense() / patches.area[:, None] * 0.9)
+    transport = stained(transport) if glass else transport
     exitance = np.random.default_rng(3).random((patches.count, 2, 3))
     states, solution = followed(SOLVERS[name](transport, patches, exitance, 1e-8))
     assert states
@@ -173,7 +185,7 @@ def test_overshooting_takes_fewer_shots_in_a_bright_room():
 
 def test_a_matrix_that_is_too_large_is_refused():
     count = MOST_DENSE + 1
-    transport = SimpleNamespace(count=count, area=np.ones(count))
+    transport = SimpleNamespace(count=count, area=np.ones(count), losses=np.zeros((count, 1)))
     patches = SimpleNamespace(reflectance=np.zeros((count, 3), np.float32))
     with pytest.raises(SettingsError, match="too large"):
         finish(dense(transport, patches, np.zeros((count, 1, 3))))

@@ -237,3 +237,16 @@ def test_a_bake_through_leaves_does_not_depend_on_the_number_of_threads() -> Non
     shade = painted(scene, lambda points: (np.sin(20 * points[:, 0]) * np.sin(17 * points[:, 1]) > 0).astype(float))
     one, four = (bake_of(scene, shade, threads=threads).pages[0] for threads in (1, 4))
     assert np.array_equal(one, four)
+
+
+@pytest.mark.parametrize("form_factors", ["nusselt", "hemicube", "area"])
+def test_light_that_bounces_through_stained_glass_has_its_colours(form_factors: str) -> None:
+    """A lamp under a pane lights a floor, and the floor a ceiling: all of that light passes the pane once."""
+    glass = (0.9, 0.3, 0.06)
+    ceiling = mesh_of("Ceiling", [quad((-1, -1, 1), (0, 2, 0), (2, 0, 0))], [2])
+    below = AreaLight("Below", (10.0,) * 3, (0, 0, 0.3), (0.2, 0, 0), (0, 0.2, 0), (0, 0, -1))
+    scene = Scene((ceiling, floor(2.0), pane(0.5)), (Material("Grey"), clear(*glass), BLACK), (below,))
+    _, light = lit(scene, final_gather=False, form_factors=form_factors, quality="medium")
+    mean = light.mean(axis=0)
+    assert mean.mean() > 0.005
+    assert mean / mean.mean() == pytest.approx(np.array(glass) / np.mean(glass), rel=1e-3)

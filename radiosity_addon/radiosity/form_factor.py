@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Int64
+from ..arrays import Float16, Float32, Float64, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.visibility import Visibility, passing_chance
 from ..lighting.sky import Sky, cells
@@ -125,6 +125,7 @@ def trace_view(
     rays = pattern.counts(patches.area)
     begin = np.concatenate([[0], np.cumsum(rays)])
     target = np.empty(begin[-1], np.int32)
+    tint: Float16 | None = np.ones((len(target), 3), np.float16) if visibility.channels > 1 else None
     sky_tint = np.ones((len(rays), 3))
     sky_radiance = np.zeros((len(rays), 3))
 
@@ -136,6 +137,8 @@ def trace_view(
         hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample))
         met = patches.at(hits)
         target[begin[start] : begin[stop]] = met
+        if tint is not None and hits.tint is not None:
+            tint[begin[start] : begin[stop]] = hits.tint
         if hits.tint is None and sky is None:
             return
         gone = np.flatnonzero(met == SKY)
@@ -151,7 +154,7 @@ def trace_view(
 
     chunk = max(1, TRACED_RAYS * len(rays) // max(len(target), 1))
     yield from in_chunks(trace, len(rays), chunk, workers)
-    return View(rays, target, pattern.weights), sky_tint, sky_radiance
+    return View(rays, target, pattern.weights, tint), sky_tint, sky_radiance
 
 
 def mean_of(values: Float32, owner: Int32, count: int, weight: Float64 | None = None) -> Float64:

@@ -13,11 +13,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64
+from ..arrays import Float64, Int32
 from ..chunks import Fractions, in_chunks
 from ..geometry.visibility import Visibility
 from ..sampling import hash_uniform
 from .patches import Patches
+from .transport import Rows
 
 ORDERS = 64
 """Orders in which the points of one patch meet those of the other: one alone would pair them alike everywhere."""
@@ -26,16 +27,14 @@ PAIRS = 1 << 17
 """Pairs of points that are looked at in one go."""
 
 
-def exchange_of_pairs(
-    patches: Patches, visibility: Visibility, samples: int, workers: int
-) -> Fractions[tuple[Int64, Int32, Float32]]:
+def exchange_of_pairs(patches: Patches, visibility: Visibility, samples: int, workers: int) -> Fractions[Rows]:
     """A_i F_ij of all pairs of N patches that see each other, as rows of a symmetric matrix; yields the share done.
 
     Args:
         samples: points of a patch; each meets one of the other patch, in an order that differs from pair to pair
 
     Returns:
-        first (N + 1,), column (P,) and exchange (P,), m2, as in Transport
+        first (N + 1,), column (P,), exchange (P,), m2, and tint (3, P) or None, as in Transport
     """
     count = patches.count
     everyone = np.arange(count, dtype=np.int32)
@@ -45,12 +44,12 @@ def exchange_of_pairs(
     orders = np.stack([np.argsort(hash_uniform(np.arange(samples), order)) for order in range(ORDERS)])
     cuts = list(_cuts(count))
 
-    def work(start: int, stop: int) -> tuple[Int32, Int32, Float32]:
+    def work(start: int, stop: int) -> tuple[Int32, Int32, Float64]:
         rows = np.arange(cuts[start], cuts[stop])
         others = count - 1 - rows
         one = np.repeat(rows, others).astype(np.int32)
         other = np.arange(len(one)) - np.repeat(np.cumsum(others) - others, others) + one + 1
-        total = np.zeros(len(one))
+        total = np.zeros((visibility.channels, len(one)))
         mean_area = np.sqrt(patches.area[one] * patches.area[other])
         for sample in range(samples):
             chosen = orders[(31 * one + other) % ORDERS, sample]
@@ -60,15 +59,15 @@ def exchange_of_pairs(
             cosine *= -np.einsum("ij,ij->i", gap, normals[chosen, other])
             facing = np.flatnonzero((cosine > 0) & (np.einsum("ij,ij->i", gap, normals[sample, one]) > 0))
             squared = np.einsum("ij,ij->i", gap[facing], gap[facing]).astype(np.float64)
-            seen = visibility.transmitted(points[sample, one[facing]], gap[facing]).mean(0)
+            seen = visibility.transmitted(points[sample, one[facing]], gap[facing])
             # cosines are still times the distance, both
-            total[facing] += seen * cosine[facing] / squared / (np.pi * squared + mean_area[facing] / samples)
-        kept = np.flatnonzero(total > 0)
+            total[:, facing] += seen * cosine[facing] / squared / (np.pi * squared + mean_area[facing] / samples)
+        kept = np.flatnonzero(total.any(0))
         one, other = one[kept], other[kept].astype(np.int32)
-        return one, other, (total[kept] * patches.area[one] * patches.area[other] / samples).astype(np.float32)
+        return one, other, total[:, kept] * patches.area[one] * patches.area[other] / samples
 
     parts = yield from in_chunks(work, len(cuts) - 1, 1, workers)
-    return _rows(parts, count)
+    return _rows(parts, count, visibility.channels)
 
 
 def _cuts(count: int) -> Iterator[int]:
@@ -78,13 +77,13 @@ def _cuts(count: int) -> Iterator[int]:
     yield from np.unique(np.append(np.searchsorted(before, wanted).clip(0, count), [0, count]))
 
 
-def _rows(parts: list[tuple[Int32, Int32, Float32]], count: int) -> tuple[Int64, Int32, Float32]:
+def _rows(parts: list[tuple[Int32, Int32, Float64]], count: int, channels: int) -> Rows:
     """Rows of the full matrix from its upper triangle, which comes row by row."""
-    one, other, value = (np.concatenate([np.zeros(0, kind), *(part[k] for part in parts)]) for k, kind in _KINDS)
+    one, other = (np.concatenate([np.zeros(0, np.int32), *(part[k] for part in parts)]) for k in (0, 1))
+    values = np.concatenate([np.zeros((channels, 0)), *(part[2] for part in parts)], axis=1)
     row = np.concatenate([other, one])
     order = np.argsort(row, kind="stable")  # the mirrored entries come first: their columns are the smaller ones
     first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))]).astype(np.int64)
-    return first, np.concatenate([one, other])[order], np.concatenate([value, value])[order]
-
-
-_KINDS = ((0, np.int32), (1, np.int32), (2, np.float32))
+    mean = values.mean(0)
+    tint = None if channels == 1 else np.tile(values / mean, 2)[:, order].astype(np.float32)
+    return Rows(first, np.concatenate([one, other])[order], np.tile(mean, 2)[order].astype(np.float32), tint)

@@ -140,6 +140,8 @@ class UnshotLight:
         self.irradiance = np.zeros_like(self.exitance)
         self.shots = 0
         self._area = transport.area[:, None]
+        losses = transport.losses
+        self._losses = losses if losses.shape[1] == 1 else np.tile(losses, (1, self._groups))
         self._emitted = (self._area * self.exitance).sum(0)
         self._shot, self._reflected, self._absorbed, self._escaped = np.zeros((4, 3 * self._groups))
         # Power is counted in shares of its group's, so that the order of shots does not change with a lamp's strength.
@@ -157,8 +159,8 @@ class UnshotLight:
 
         Patches count by the area that sees others: the outer faces of a room have no part in its light.
         """
-        weight = self._area * (1 - self.transport.escaped[:, None])
-        weight /= max(float(weight.sum()), TINY)
+        weight = self._area * (1 - self._losses)
+        weight /= np.maximum(weight.sum(0), TINY)
         mean_reflectance = np.minimum((weight * self.reflectance).sum(0), 0.99)
         ambient: Float64 = (weight * self.unshot).sum(0) / (1 - mean_reflectance)
         return ambient
@@ -183,7 +185,7 @@ class UnshotLight:
         self.irradiance += received / self._area
         leaving = amount * self._area[rows]
         self._shot += leaving.sum(0)
-        self._escaped += (leaving * self.transport.escaped[rows, None]).sum(0)
+        self._escaped += (leaving * self._losses[rows]).sum(0)
         self._reflected += bounced.sum(0)
         self._absorbed += (received - bounced).sum(0)
         self.shots += len(rows)

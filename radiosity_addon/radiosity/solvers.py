@@ -201,13 +201,13 @@ def dense(light: UnshotLight) -> Step:
             f"a full matrix of {transport.count:,} patches is too large, it may have {MOST_DENSE:,}",
             "Choose another solver, or a lower quality",
         )
-    exchange = transport.dense() / transport.area[:, None]
 
     def step() -> Int64:
         everyone = np.arange(transport.count)
         amount: Float64 = np.empty_like(light.unshot)
         for channel in range(3):
             columns = slice(channel, None, 3)
+            exchange = transport.dense(channel) / transport.area[:, None]
             matrix = np.eye(transport.count) - light.reflectance[:, [channel]] * exchange
             amount[:, columns] = np.linalg.solve(matrix, light.unshot[:, columns])
         light.shoot(everyone, amount)

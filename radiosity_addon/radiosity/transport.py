@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Int64
+from ..arrays import Float16, Float32, Float64, Int32, Int64
 from ..chunks import Fractions, finish, in_chunks
 from .patches import NOTHING, SKY
 
@@ -66,6 +66,8 @@ class Transport:
         workers: threads
         sky_tint: (N, 3) float64, what the sky's light on a patch is multiplied with, on average, for passing surfaces
         sky_radiance: (N, 3) float64, W/(m2 sr), mean of the sky's cells over the rays of a patch that left
+        tint: (3, P) float32, what coloured glass between two patches multiplies each channel with, 1 on average over
+            the channels; None: nothing between them is coloured
     """
 
     area: Float64
@@ -78,18 +80,33 @@ class Transport:
     workers: int = 1
     sky_tint: Float64 = field(default_factory=lambda: np.ones((1, 3)))
     sky_radiance: Float64 | float = 0.0
+    tint: Float32 | None = None
 
     @property
     def count(self) -> int:
         return len(self.area)
 
+    @cached_property
+    def losses(self) -> Float64:
+        """`escaped` by channel, (N, 1), or (N, 3) where some entries are tinted.
+
+        What glass stops counts alike for all channels: of a colour that passes it more than the others do, too much is
+        counted as absorbed there and as much too little, even less than none, as escaped.
+        """
+        if self.tint is None:
+            return self.escaped[:, None]
+        reached = _row_sums(self.first, self.column, self.exchange, np.ones((3, self.count)), self.workers, self.tint)
+        return 1 - reached.T / self.area[:, None]
+
     def gather(self, radiosity: Float64) -> Float64:
         """Power (N, C), W, that every patch receives when all leave `radiosity` (N, C), W/m2: K @ radiosity.
+
+        Columns are red, green and blue in turn, where entries are tinted.
 
         Each row is summed in float64 in its own order, whatever the number of threads.
         """
         columns = np.ascontiguousarray(radiosity.T, np.float64)
-        return _row_sums(self.first, self.column, self.exchange, columns, self.workers).T
+        return _row_sums(self.first, self.column, self.exchange, columns, self.workers, self.tint).T
 
     def scatter(self, rows: Int64, radiosity: Float64) -> Float64:
         """Power (N, C), W, that every patch receives when `rows` (S,) leave `radiosity` (S, C), W/m2."""
@@ -101,16 +118,19 @@ class Transport:
             return self.gather(everywhere)
         entries = np.arange(total) + np.repeat(self.first[rows] - (np.cumsum(lengths) - lengths), lengths)
         column, exchange = self.column[entries], self.exchange[entries]
-        received = [
-            np.bincount(column, weights=exchange * np.repeat(channel, lengths), minlength=self.count)
-            for channel in np.asarray(radiosity, np.float64).T
-        ]
+        received = []
+        for number, channel in enumerate(np.asarray(radiosity, np.float64).T):
+            power = exchange * np.repeat(channel, lengths)
+            if self.tint is not None:
+                power *= self.tint[number % 3, entries]
+            received.append(np.bincount(column, weights=power, minlength=self.count))
         return np.stack(received, axis=1)
 
-    def dense(self) -> Float64:
-        """K as an (N, N) matrix, m2; for small N."""
+    def dense(self, channel: int | None = None) -> Float64:
+        """K as an (N, N) matrix, m2, of one channel or of their mean; for small N."""
         matrix = np.zeros((self.count, self.count))
-        matrix[np.repeat(np.arange(self.count), np.diff(self.first)), self.column] = self.exchange
+        tint = 1 if self.tint is None or channel is None else self.tint[channel]
+        matrix[np.repeat(np.arange(self.count), np.diff(self.first)), self.column] = self.exchange * tint
         return matrix
 
 
@@ -122,11 +142,13 @@ class View:
         rays: (N,) int64, rays of each patch
         target: (R,) int32, what they met, patch after patch: a patch, SKY or NOTHING
         weights: (C,) float64, what each ray of a patch counts, 1 on average, where all patches have C; None: 1 each
+        tint: (R, 3) float16, what colours the light on the way of a ray, 1 on average over channels; None: nothing
     """
 
     rays: Int64
     target: Int32
     weights: Float64 | None = None
+    tint: Float16 | None = None
 
     @cached_property
     def source(self) -> Int32:
@@ -144,8 +166,13 @@ class View:
         return found.astype(np.float64)
 
 
-Rows: TypeAlias = tuple[Int64, Int32, Float32]
-"""A symmetric sparse matrix: `first`, `column` and `exchange` as in Transport."""
+class Rows(NamedTuple):
+    """A symmetric sparse matrix, its parts as in Transport."""
+
+    first: Int64
+    column: Int32
+    exchange: Float32
+    tint: Float32 | None = None
 
 
 def join_hits(area: Float64, view: View, workers: int) -> Fractions[Rows]:
@@ -163,8 +190,8 @@ def join_hits(area: Float64, view: View, workers: int) -> Fractions[Rows]:
     begin = np.concatenate([[0], np.cumsum(rays)])
     bits = np.uint32(max(1, int(count - 1).bit_length()))
 
-    def join(start: int, stop: int) -> tuple[Int64, Int32, Float32]:
-        """Entries of rows start to stop: how many in each, their columns and exchange."""
+    def join(start: int, stop: int) -> tuple[Int64, Int32, Float32, Float32]:
+        """Entries of rows start to stop: how many in each, their columns, exchange and tint."""
         own = slice(begin[start], begin[stop])
         sent = np.flatnonzero(target[own] >= 0) + begin[start]
         # As unsigned numbers, patches before `start` are huge: one comparison finds start <= target < stop.
@@ -172,12 +199,14 @@ def join_hits(area: Float64, view: View, workers: int) -> Fractions[Rows]:
         row = np.concatenate([source[sent], target[came]]) - np.int32(start)
         keys = row.astype(np.uint32) << bits
         keys |= np.concatenate([target[sent], source[came]]).astype(np.uint32)
-        weight = view.weight(np.concatenate([sent, came]))
-        if weight is None:
+        rays_here = np.concatenate([sent, came])
+        weight = view.weight(rays_here)
+        if weight is None and view.tint is None:
             keys.sort()
         else:
             order = np.argsort(keys, kind="stable")
-            keys, weight = keys[order], weight[order]
+            keys, rays_here = keys[order], rays_here[order]
+            weight = np.ones(len(keys)) if weight is None else weight[order]
         new = np.ones(len(keys) + 1, bool)
         np.not_equal(keys[1:], keys[:-1], out=new[1:-1])
         runs = np.flatnonzero(new)
@@ -185,7 +214,11 @@ def join_hits(area: Float64, view: View, workers: int) -> Fractions[Rows]:
         row, column = (keys >> bits).astype(np.int32), (keys & ((np.uint32(1) << bits) - np.uint32(1))).astype(np.int32)
         met = np.diff(runs) if weight is None else np.add.reduceat(np.append(weight, 0), runs[:-1])
         exchange = met / (per_area[row + start] + per_area[column])
-        return np.bincount(row, minlength=stop - start), column, exchange.astype(np.float32)
+        tint = np.empty((0, len(met)), np.float32)
+        if view.tint is not None and weight is not None:
+            colored = np.append(weight[:, None] * view.tint[rays_here], np.zeros((1, 3)), axis=0)
+            tint = (np.add.reduceat(colored, runs[:-1]) / met[:, None]).T.astype(np.float32)
+        return np.bincount(row, minlength=stop - start), column, exchange.astype(np.float32), tint
 
     chunk = min(max(1, MERGED_HITS * count // max(1, 2 * len(target))), 1 << (32 - int(bits)))
     parts = yield from in_chunks(join, count, chunk, workers)
@@ -193,18 +226,21 @@ def join_hits(area: Float64, view: View, workers: int) -> Fractions[Rows]:
         np.concatenate([np.zeros(0, kind), *(part[k] for part in parts)])
         for k, kind in enumerate((np.int64, np.int32, np.float32))
     )
-    return np.concatenate([[0], np.cumsum(first)]), column, exchange
+    tints = (
+        None if view.tint is None else np.concatenate([np.zeros((3, 0), np.float32), *(p[3] for p in parts)], axis=1)
+    )
+    return Rows(np.concatenate([[0], np.cumsum(first)]), column, exchange, tints)
 
 
 def closed(area: Float64, view: View, rows: Rows, workers: int) -> Generator[float, None, Transport]:
     """The balanced Transport of N patches from their exchange, changed in place, and from what escapes their rays."""
-    first, column, exchange = rows
+    first, column, exchange, tint = rows
     counted, gone = view.rays - view.share(NOTHING), view.share(SKY)
     yield from balance(area, counted - gone, counted, first, column, exchange, workers)
     reached = _row_sums(first, column, exchange, np.ones((1, len(area))), workers)[0]
     escaped = 1 - reached / area
     sky = np.where(gone > 0, np.maximum(escaped, 0), 0)
-    return Transport(area, first, column, exchange, escaped, sky, counted, workers)
+    return Transport(area, first, column, exchange, escaped, sky, counted, workers, tint=tint)
 
 
 def balance(
@@ -252,8 +288,10 @@ def _scale_entries(first: Int64, column: Int32, exchange: Float32, joined: np.uf
         exchange[entries] = exchange[entries] * joined(of_row, scale[column[entries]])
 
 
-def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, workers: int) -> Float64:
-    """Sums (C, N) float64 over each row of its entries times values (C, N)."""
+def _row_sums(
+    first: Int64, column: Int32, exchange: Float32, values: Float64, workers: int, tint: Float32 | None = None
+) -> Float64:
+    """Sums (C, N) float64 over each row of its entries times values (C, N), C in turn of the tint's channels."""
     count = len(first) - 1
     sums: Float64 = np.zeros(values.shape)
     lit = np.flatnonzero(values.any(axis=1))  # light groups are often dark, or have run dry
@@ -268,6 +306,8 @@ def _row_sums(first: Int64, column: Int32, exchange: Float32, values: Float64, w
             for channel in lit:
                 products = np.take(values[channel], where, mode="clip")
                 products *= factor
+                if tint is not None:
+                    products *= tint[channel % 3, entries]
                 sums[channel, low + filled] = np.add.reduceat(products, begin) if len(filled) else 0
 
     rows = max(1, SUMMED_ENTRIES * count // max(1, int(first[-1])))
