@@ -72,6 +72,7 @@ class Mesh:
         casts: stops the light of lamps on its way to others
         two_sided: its backs get a place on a page too
         front: of a record of backs: index of the mesh whose backs they are
+        page_group: meshes of one group share pages that no others are on; those of one `shape` are of one group
     """
 
     name: str
@@ -90,6 +91,7 @@ class Mesh:
     casts: bool = True
     two_sided: bool = False
     front: int | None = None
+    page_group: str = ""
 
 
 @dataclass(frozen=True)

@@ -167,3 +167,26 @@ def test_a_block_is_no_longer_than_a_page():
 def test_too_many_charts_for_a_page_are_refused():
     with pytest.raises(SettingsError, match="charts don't fit on one page of 64 texels"):
         atlas_of([member(make_box(), k) for k in range(500)], page_size=64)
+
+
+@pytest.mark.parametrize("density", [None, 12.0])
+def test_page_groups_never_share_a_page_and_each_fills_its_own(density):
+    box = make_box()
+    meshes = [
+        replace(mesh, page_group=group)
+        for group, mesh in [
+            ("", make_sphere()),
+            ("props", member(box, 1, shape=0)),
+            ("", make_grid(cells=3)),
+            ("props", member(box, 2, 1.5, shape=0)),
+            ("hero", make_bevelled_box()),
+        ]
+    ]
+    atlas = atlas_of(meshes, page_size=128, density=density)
+    assert atlas.page_count == 3
+    assert atlas.page[[0, 1, 4]].tolist() == [0, 2, 1], "in the order of their names, the nameless group first"
+    assert (atlas.page[2], atlas.page[3]) == (atlas.page[0], atlas.page[1])
+    assert_sound(*unmirrored(atlas, meshes), gap=2)
+    if density is None:
+        alone = atlas_of([meshes[4]], page_size=128)
+        np.testing.assert_array_equal(atlas.uv[4], alone.uv[0])

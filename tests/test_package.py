@@ -105,7 +105,7 @@ def test_no_address_is_written_down(name: str) -> None:
 
 
 def test_every_source_file_names_its_licence() -> None:
-    folders = ("radiosity_addon", "tests", "sample_scenes", "benchmarks")
+    folders = ("radiosity_addon", "presets", "tests", "sample_scenes", "benchmarks")
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")] + list(ROOT.glob("*.py"))
     first_lines = {path: path.read_text(encoding="utf-8").partition("\n")[0] for path in files}
     assert not [path for path, line in first_lines.items() if line != "# SPDX-License-Identifier: GPL-3.0-or-later"]

@@ -93,20 +93,16 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
         for shape, members in shared.items()
         if members[0] in flat_of
     ]
-    owners = [*flat_of, *(index for family in families for index in family.members)]
-    alone = [_items(flat, meshes[index].density) for index, flat in flat_of.items()]
-    padding = WIDE_PADDING if settings.page_size >= MIPMAP_PAGE else PADDING
-    pages: list[Packed] = []
-    blocks: list[Float64] = []
-    if settings.density is not None:
-        blocks = yield from scaled(lay_blocks(families, settings.density, settings.page_size, padding), 0.7, 0.7)
-        items = alone + boxes(families, blocks)
-        names = [meshes[index].name for index in owners]
-        pages = yield from scaled(_many_pages(items, names, settings.density, settings.page_size, padding), 0.7, 0.95)
-    elif alone or families:
-        filling = _one_page(alone, families, settings.page_size, padding)
-        page, blocks, narrower = yield from scaled(filling, 0.7, 0.95)
-        items, pages, warnings = alone + boxes(families, blocks), [page], warnings + narrower
+    packs: list[_Pack] = []
+    for name in sorted({meshes[index].page_group for index in [*flat_of, *(each.members[0] for each in families)]}):
+        single = [index for index in flat_of if meshes[index].page_group == name]
+        related = [family for family in families if meshes[family.members[0]].page_group == name]
+        parts = [_items(flat_of[index], meshes[index].density) for index in single]
+        packs.append((yield from scaled(_pack(meshes, single, parts, related, settings), 0.7, 0.95)))
+    owners, items, pages = _all_of(packs)
+    families = [family for pack in packs for family in pack.families]
+    blocks = [block for pack in packs for block in pack.blocks]
+    warnings += tuple(warning for pack in packs for warning in pack.warnings)
 
     laid = _Laid(meshes)
     layouts = [layout_of(family, meshes, block) for family, block in zip(families, blocks, strict=True)]
@@ -153,6 +149,54 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
         layouts={family.shape: layout.uv for family, layout in zip(families, layouts, strict=True)},
         places=places,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Pack:
+    """A page group on its pages.
+
+    Attributes:
+        owners: indices of its meshes
+        items: what was packed, one for each owner
+        families: in the order in which their members own items, after all that are alone
+        blocks: a family's charts, (F, 3, 2) float64, m
+        pages: with indices into `items`
+    """
+
+    owners: list[int]
+    items: list[Items]
+    families: list[Family]
+    blocks: list[Float64]
+    pages: list[Packed]
+    warnings: tuple[str, ...] = ()
+
+
+def _pack(
+    meshes: tuple[Mesh, ...], single: list[int], alone: list[Items], families: list[Family], settings: BakeSettings
+) -> Generator[float, None, _Pack]:
+    """A page group on pages of its own: meshes that are alone, with their items, and families."""
+    owners = [*single, *(index for family in families for index in family.members)]
+    size, padding = settings.page_size, WIDE_PADDING if settings.page_size >= MIPMAP_PAGE else PADDING
+    if settings.density is None:
+        page, blocks, warnings = yield from scaled(_one_page(alone, families, size, padding), 0.0, 1.0)
+        return _Pack(owners, alone + boxes(families, blocks), families, blocks, [page], warnings)
+    blocks = yield from scaled(lay_blocks(families, settings.density, size, padding), 0.0, 0.0)
+    items = alone + boxes(families, blocks)
+    names = [meshes[index].name for index in owners]
+    pages = yield from _many_pages(items, names, settings.density, size, padding)
+    return _Pack(owners, items, families, blocks, pages)
+
+
+def _all_of(packs: list[_Pack]) -> tuple[list[int], list[Items], list[Packed]]:
+    """Owners, items and pages of all page groups, counted through."""
+    owners: list[int] = []
+    items: list[Items] = []
+    pages: list[Packed] = []
+    for pack in packs:
+        pages += [([len(items) + which for which in objects], placement) for objects, placement in pack.pages]
+        owners += pack.owners
+        items += pack.items
+    return owners, items, pages
 
 
 class _Laid:

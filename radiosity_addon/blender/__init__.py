@@ -5,12 +5,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any
 
 import bpy
 
 _command: Any = None
 """What Blender gave us for our `--command`, while the extension is registered."""
+
+
+def _parts() -> tuple[ModuleType, ...]:
+    """All that has classes of its own, what others show before what shows them."""
+    from . import (
+        after_bake,
+        export_panel,
+        object_settings,
+        operators,
+        overlay_panel,
+        panels,
+        presets,
+        properties,
+        scene_check,
+    )
+
+    return properties, object_settings, operators, scene_check, after_bake, presets, panels, overlay_panel, export_panel
 
 
 def register() -> None:
@@ -28,12 +46,6 @@ def unregister() -> None:
     _command = None
     for part in reversed(_parts()):
         part.unregister()
-
-
-def _parts() -> tuple[Any, ...]:
-    from . import export_panel, operators, overlay_panel, panels, properties
-
-    return properties, operators, panels, overlay_panel, export_panel
 
 
 @contextmanager

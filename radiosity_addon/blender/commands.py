@@ -13,6 +13,7 @@ import numpy as np
 from ..atlas.unwrap import Atlas, build_atlas
 from ..chunks import finish
 from ..errors import SceneError
+from ..estimate import memory_of
 from ..files import Transaction
 from ..pages.page_format import PageFormat
 from ..reports.report import Report, count_of, write_report
@@ -20,6 +21,7 @@ from ..settings import BakeSettings
 from .blend_files import save_blend, silence
 from .export import Exported, Handover, export_lightmaps
 from .extract import SURFACES, extract_scene
+from .inspection import findings
 from .job import Job, bake_scene
 from .names import is_baked
 from .properties import cycles_limits
@@ -32,11 +34,6 @@ if TYPE_CHECKING:
     from ..progress import Meter
     from ..stages import Progress
     from .format_properties import RadiosityFileSettings
-
-BYTES_PER_TEXEL = 100
-"""What a bake keeps of each texel of its pages, at most."""
-BYTES_OF_CHUNKS = 500e6
-"""What it holds for a moment beyond that, at most."""
 
 
 def bake(verb: Verb, meter: Meter) -> Report:
@@ -140,12 +137,14 @@ def info(verb: Verb) -> str:
     if extraction.skipped:
         lines.append("Not baked:")
         lines += [f"  {name}: {reason}" for name, reason in extraction.skipped]
-    warnings = [*extraction.scene.warnings, *atlas.warnings]
-    if warnings:
-        lines.append("Warnings:")
-        lines += [f"  {warning}" for warning in warnings]
+    found = findings(scene, extraction, settings)
+    warnings = [*(each.text for each in found if each.severity != "info"), *atlas.warnings]
+    hints = [each.text for each in found if each.severity == "info" and each.subject not in dict(extraction.skipped)]
+    for heading, texts in (("Warnings:", warnings), ("Hints:", hints)):
+        if texts:
+            lines += [heading, *(f"  {text}" for text in texts)]
     pages = f"{count_of(atlas.page_count, 'page')} of {atlas.size} x {atlas.size}"
-    memory = (total * BYTES_PER_TEXEL + BYTES_OF_CHUNKS) / 1e9
+    memory = memory_of(total) / 1e9
     lines.append(f"In all: {pages}, about {total:,} texels, at most {memory:.1f} GB of memory beside Blender itself")
     return "\n".join(lines)
 

@@ -225,7 +225,7 @@ class _Reading:
         chart = None
         if splines is not None and lightmapped and uv is None:
             uv, chart = splines.cut(shape.corner, matrix) or (None, None)
-        uv_map = getattr(settings, "uv_map", "")
+        uv_map, page_group = (getattr(settings, name, "") for name in ("uv_map", "page_group"))
         self.sources.append(
             Source(
                 object_name=thing.name,
@@ -254,8 +254,9 @@ class _Reading:
                 density=getattr(settings, "density", 1.0),
                 uv=uv,
                 chart=chart,
-                shape=self.families.number(mesh.as_pointer(), uv_map, matrix) if shares else None,
+                shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
                 two_sided=two_sided,
+                page_group=page_group,
                 met=thing.visible_diffuse and maker.visible_diffuse,
                 casts=thing.visible_shadow and maker.visible_shadow,
             )

@@ -26,6 +26,7 @@ from ..settings import BakeSettings
 from ..stages import NO_RAYS, Progress
 from .cycles_shader import CyclesShader
 from .extract import extract_scene
+from .last_bake import keep_report
 from .names import TEXELS_KEY
 from .write_back import write_back
 
@@ -112,7 +113,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
     texels = baked.mesh_texels.copy()
     for front, back in backs_of(extraction.scene.meshes).items():
         texels[front] += texels[back]
-    return Report(
+    report = Report(
         pages=[
             Page(row["image"], job.folder and Path(row["file"]), tuple(row["size"]), seen.maps[page] if seen else {})
             for page, row in enumerate(images)
@@ -140,6 +141,8 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         files=written,
         warnings=[*baked.warnings, *_clamped_warnings(paths, written.clamped, wanted), *_mapped_warning(written)],
     )
+    keep_report(scene, report)
+    return report
 
 
 def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:

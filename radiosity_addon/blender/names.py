@@ -54,9 +54,20 @@ PLACE_KEY = "radiosity_place"
 SLOTS_KEY = "radiosity_slots"
 """On an object that shares its mesh: what its material slots were linked to."""
 
+REPORT_KEY = "radiosity_report"
+"""On the scene: what its bake had to say."""
+
+ORIGINALS_KEY = "radiosity_originals"
+"""On the scene: True while it is shown as it was before the bake. On an object behind a stand-in, then: whether only
+the instances that it makes stay in sight when the bake is shown again."""
+
+SHOWN_KEY = "radiosity_shown"
+"""While the originals are shown: on a stand-in its visibility, on other objects and meshes the preview material of
+each slot, by its index."""
+
 KEYS = (
     BAKE_KEY, PAGE_KEY, BACK_PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY,
-    PLACE_KEY, SLOTS_KEY, TEXELS_KEY,
+    PLACE_KEY, SLOTS_KEY, TEXELS_KEY, REPORT_KEY, ORIGINALS_KEY, SHOWN_KEY,
 )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from ..progress import describe
 from ..reports.report import Report
 from ..stages import Progress
 from .job import Job, bake_scene
+from .last_bake import learn
 from .names import is_baked
 from .revert import revert
 
@@ -161,6 +162,7 @@ def bake_in_place(scene: bpy.types.Scene) -> Generator[Progress, None, Report]:
     with Transaction() as files:
         report = yield from bake_scene(scene, job, files)
         files.commit()
+    learn(report)
     return report
 
 

@@ -1,29 +1,109 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a user finds the bake: Render properties, the 3D view's sidebar, Object properties."""
+"""Where a user finds the bake: Render properties, and in short the 3D view's sidebar. Drawing evaluates nothing."""
 
 from __future__ import annotations
 
+import textwrap
+from collections import defaultdict
 from typing import ClassVar
 
 import bpy
 
-from .names import is_baked
+from ..checks import Finding
+from ..estimate import Estimate, about, about_seconds
+from ..reports.report import count_of
+from .inspection import subject_of
+from .last_bake import summary, warnings
+from .names import REPORT_KEY, is_baked
 from .operators import Running
+from .originals import shows_originals
+from .presets import RADIOSITY_PT_presets
+from .scene_check import Checked, expected
 
-TYPES_WITH_SURFACE = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
+"""Blender's icon named ERROR is the yellow triangle of warnings."""
+MOST_FINDINGS = 12
+"""Findings in the panel; the command line's `info` lists them all."""
+LETTER = 0.56
+"""Mean width of a letter, as a share of the font's size."""
+BESIDE_TEXT = 60
+"""Pixels, at scale 1, beside the lines of a text: margins, an icon, a button."""
 
 
-def draw_buttons(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Bake and revert, or the progress of a running bake."""
+def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Bake, toggle and revert, or the progress of a running bake."""
     if Running.progress is not None:
         layout.progress(factor=Running.progress.fraction, text=Running.text())
         layout.label(text="Esc cancels", icon="CANCEL")
         return
-    column = layout.column(align=True)
-    column.scale_y = 1.4
-    column.operator("radiosity.bake", icon="RENDER_STILL")
-    if is_baked(scene):
-        layout.operator("radiosity.revert", icon="LOOP_BACK")
+    baked = is_baked(scene)
+    button = layout.row()
+    button.scale_y = 1.6
+    button.operator("radiosity.bake", text="Bake Again" if baked else "Bake Radiosity", icon="RENDER_STILL")
+    if not baked:
+        return
+    row = layout.row(align=True)
+    hidden = shows_originals(scene)
+    row.operator(
+        "radiosity.toggle", text="Show Baked" if hidden else "Show Original", icon="LIGHT" if hidden else "LOOP_BACK"
+    )
+    row.operator("radiosity.revert", icon="TRASH")
+
+
+def draw_summary(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """The last bake in a line, and its report."""
+    if Running.progress is None and REPORT_KEY in scene:
+        row = layout.row()
+        row.label(text=summary(scene), icon="CHECKMARK")
+        row.operator("radiosity.show_report", text="", icon="FILE_TEXT")
+
+
+def draw_essentials(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """What decides how good and how large a bake is."""
+    settings = scene.radiosity
+    column = layout.column()
+    column.row().prop(settings, "quality", expand=True)
+    column.prop(settings, "page_size")
+    row = column.row(align=True, heading="Density")
+    row.prop(settings, "density_enabled", text="")
+    value = row.row()
+    if settings.density_enabled:
+        value.prop(settings, "density", text="")
+    else:
+        value.label(text="Fill one page")
+
+
+def draw_estimate(layout: bpy.types.UILayout, found: Estimate, slow: bool) -> None:
+    """What the next bake will take."""
+    lines = layout.box().column(align=True)
+    lines.scale_y = 0.8
+    density = f", {found.density:.3g} per metre" if found.density else ""
+    memory = f"{found.bytes / 1e9:.1f} GB of memory"
+    lines.label(text=f"About {about_seconds(found.seconds)}, up to {memory}", icon="TIME")
+    lines.label(text=f"{count_of(found.pages, 'page')}, about {about(found.texels)} texels{density}", icon="TEXTURE")
+    if slow:
+        lines.label(text="Check the scene to know its area", icon="BLANK1")
+
+
+def draw_finding(layout: bpy.types.UILayout, finding: Finding, context: bpy.types.Context) -> None:
+    """What was found, as wide as the region, and buttons for it."""
+    row = layout.row(align=False)
+    text = row.column(align=True)
+    text.scale_y = 0.8
+    for number, line in enumerate(wrapped(finding.text, context)):
+        text.label(text=line, icon="BLANK1" if number else ICONS[finding.severity])
+    buttons = row.row(align=True)
+    if finding.inside_out:
+        buttons.operator("radiosity.flip", text="", icon="NORMALS_FACE").name = finding.subject
+    if finding.subject:
+        buttons.operator("radiosity.select", text="", icon="RESTRICT_SELECT_OFF").name = finding.subject
+
+
+def wrapped(text: str, context: bpy.types.Context) -> list[str]:
+    """A text in lines that fit into the region: Blender's labels are cut where they don't."""
+    scale = context.preferences.system.ui_scale
+    letter = LETTER * context.preferences.ui_styles[0].widget.points * scale
+    return textwrap.wrap(text, max(20, int((context.region.width - BESIDE_TEXT * scale) / letter)))
 
 
 class RenderPanel:
@@ -34,130 +114,197 @@ class RenderPanel:
     bl_context = "render"
 
 
-class RADIOSITY_PT_render(RenderPanel, bpy.types.Panel):
-    """Bake, whatever the render engine."""
+class SidebarPanel:
+    """What the panels in the 3D view's sidebar share."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Radiosity"
+
+
+class SplitPanel:
+    """Names to the left, values to the right."""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        self.draw_in(self.layout, context)
+
+
+class MainPanel(SplitPanel):
+    """Bake, after choosing how well."""
 
     bl_label = "Radiosity"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        RADIOSITY_PT_presets.draw_panel_header(self.layout)
+
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        scene = context.scene
+        draw_bake(layout, scene)
+        draw_summary(layout, scene)
+        draw_essentials(layout, scene)
+        draw_estimate(layout, expected(scene), scene.radiosity.density_enabled and Checked.of(scene) is None)
+
+
+class RADIOSITY_PT_render(MainPanel, RenderPanel, bpy.types.Panel):
+    """Bake, whatever the render engine."""
+
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+
+class RADIOSITY_PT_sidebar(MainPanel, SidebarPanel, bpy.types.Panel):
+    """Bake from the 3D view."""
+
+
+class CheckPanel:
+    """What will be skipped, and what looks wrong."""
+
+    bl_label = "Check"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        known = Checked.of(context.scene)
+        for severity in ("error", "warning"):
+            count = sum(finding.severity == severity for finding in known.findings) if known else 0
+            if count:
+                self.layout.label(text=str(count), icon=ICONS[severity])
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.scene.radiosity
-        draw_buttons(layout, context.scene)
+        known = Checked.of(context.scene)
+        layout.operator("radiosity.check", text="Check Again" if known else "Check Scene", icon="VIEWZOOM")
+        if known is None:
+            return
         column = layout.column()
-        column.prop(settings, "quality")
-        column.prop(settings, "write_back")
+        if Checked.is_stale(context.scene):
+            column.label(text="The scene has changed since", icon="FILE_REFRESH")
+        if known.area is not None:
+            lit = f"{count_of(known.objects, 'surface')} of {known.area:,.4g} m² to light"
+            column.label(text=lit, icon="CHECKMARK")
+        for finding in known.findings[:MOST_FINDINGS]:
+            draw_finding(column, finding, context)
+        if len(known.findings) > MOST_FINDINGS:
+            column.label(text=f"And {len(known.findings) - MOST_FINDINGS} more", icon="BLANK1")
 
 
-class RADIOSITY_PT_pages(RenderPanel, bpy.types.Panel):
-    """Size, density and place of the pages."""
+class RADIOSITY_PT_check(CheckPanel, RenderPanel, bpy.types.Panel):
+    """The check in Render properties."""
 
-    bl_label = "Lightmaps"
     bl_parent_id = "RADIOSITY_PT_render"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.scene.radiosity
-        layout.prop(settings, "page_size")
-        row = layout.row(align=True, heading="Density")
-        row.prop(settings, "density_enabled", text="")
-        value = row.row()
-        value.active = settings.density_enabled
-        value.prop(settings, "density", text="")
-        layout.prop(settings, "textures")
+
+class RADIOSITY_PT_sidebar_check(CheckPanel, SidebarPanel, bpy.types.Panel):
+    """The check in the 3D view."""
+
+    bl_parent_id = "RADIOSITY_PT_sidebar"
 
 
-class RADIOSITY_PT_files(RenderPanel, bpy.types.Panel):
-    """Format and colours of the page files."""
+class RADIOSITY_PT_output(SplitPanel, RenderPanel, bpy.types.Panel):
+    """What a bake changes in the scene, and its files."""
 
-    bl_label = "Files"
+    bl_label = "Output"
     bl_parent_id = "RADIOSITY_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        context.scene.radiosity.files.draw(layout)
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        settings = context.scene.radiosity
+        layout.prop(settings, "write_back")
+        layout.prop(settings, "textures")
+        if not bpy.data.is_saved:
+            layout.label(text="Packed into the file until it is saved", icon="INFO")
+        settings.files.draw(layout)
 
 
-class RADIOSITY_PT_solver(RenderPanel, bpy.types.Panel):
-    """When the solver stops, and how many processors it takes."""
+class RADIOSITY_PT_solver(SplitPanel, RenderPanel, bpy.types.Panel):
+    """How far light is followed."""
 
     bl_label = "Solver"
     bl_parent_id = "RADIOSITY_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(context.scene.radiosity, "bounces")
-        layout.prop(context.scene.radiosity, "tolerance")
-        layout.prop(context.scene.radiosity, "threads")
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        settings = context.scene.radiosity
+        layout.prop(settings, "bounces")
+        if settings.bounces == "number":
+            layout.prop(settings, "most_bounces")
+        layout.prop(settings, "tolerance")
 
 
-class RADIOSITY_PT_sidebar(bpy.types.Panel):
-    """Bake from the 3D view."""
+class RADIOSITY_PT_light_groups(RenderPanel, bpy.types.Panel):
+    """Which lights are in which light group of the view layer."""
 
-    bl_label = "Radiosity"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Radiosity"
+    bl_label = "Light Groups"
+    bl_parent_id = "RADIOSITY_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        draw_buttons(layout, context.scene)
-        layout.prop(context.scene.radiosity, "quality")
+        groups = [group.name for group in context.view_layer.lightgroups]
+        members = defaultdict(list)
+        for thing in context.scene.objects:
+            if thing.lightgroup in groups or thing.type == "LIGHT":
+                members[thing.lightgroup if thing.lightgroup in groups else ""].append(thing)
+        for name in (*groups, ""):
+            box = layout.column(align=True)
+            things = members[name]
+            box.label(text=name or "No Group", icon="OUTLINER_OB_LIGHT" if things else "LIGHT")
+            for thing in things[:MOST_FINDINGS]:
+                row = box.row()
+                row.label(text=thing.name, icon="BLANK1")
+                row.operator("radiosity.select", text="", icon="RESTRICT_SELECT_OFF").name = thing.name
+            if len(things) > MOST_FINDINGS:
+                box.label(text=f"And {len(things) - MOST_FINDINGS} more", icon="BLANK1")
+        layout.label(text="Lightmaps hold the light of all groups", icon="INFO")
 
 
-class RADIOSITY_PT_object(bpy.types.Panel):
-    """How one object takes part."""
+class RADIOSITY_PT_advanced(SplitPanel, RenderPanel, bpy.types.Panel):
+    """What the method is made of; the defaults are the fastest."""
 
-    bl_label = "Radiosity"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "object"
+    bl_label = "Advanced"
+    bl_parent_id = "RADIOSITY_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        settings = context.scene.radiosity
+        for name in ("solver", "form_factors", "subdivisions", "threads"):
+            layout.prop(settings, name)
+
+
+class RADIOSITY_PT_last_bake(RenderPanel, bpy.types.Panel):
+    """What the last bake had to say."""
+
+    bl_label = "Last Bake"
+    bl_parent_id = "RADIOSITY_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.object is not None and context.object.type in TYPES_WITH_SURFACE
+        return REPORT_KEY in context.scene
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.object.radiosity
-        layout.prop(settings, "exclude")
-        taking_part = layout.column()
-        taking_part.active = not settings.exclude
-        if context.object.type == "CURVE":
-            taking_part.prop(settings, "tube_radius")
-        taking_part.prop(settings, "only_casts")
-        lit = taking_part.column()
-        lit.active = not settings.only_casts
-        lit.prop(settings, "density")
-        lit.prop(settings, "two_sided")
-        if context.object.type == "MESH":
-            lit.prop_search(settings, "uv_map", context.object.data, "uv_layers")
-        else:
-            lit.prop(settings, "uv_map")
+        layout.operator("radiosity.show_report", icon="FILE_TEXT")
+        said = warnings(context.scene)
+        names = {thing.name for thing in context.scene.objects} if said else set()
+        column = layout.column()
+        for text in said[:MOST_FINDINGS]:
+            draw_finding(column, Finding("warning", text, subject_of(text, names)), context)
+        if len(said) > MOST_FINDINGS:
+            column.label(text=f"And {len(said) - MOST_FINDINGS} more in the report", icon="BLANK1")
+        if not said:
+            column.label(text="No warnings", icon="CHECKMARK")
 
 
 CLASSES = (
     RADIOSITY_PT_render,
-    RADIOSITY_PT_pages,
-    RADIOSITY_PT_files,
+    RADIOSITY_PT_check,
+    RADIOSITY_PT_last_bake,
+    RADIOSITY_PT_output,
+    RADIOSITY_PT_light_groups,
     RADIOSITY_PT_solver,
+    RADIOSITY_PT_advanced,
     RADIOSITY_PT_sidebar,
-    RADIOSITY_PT_object,
+    RADIOSITY_PT_sidebar_check,
 )
 
 

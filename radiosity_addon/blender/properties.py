@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user sets in Blender: `scene.radiosity` and `object.radiosity`, saved with the file."""
+"""What a user sets in Blender about a bake: `scene.radiosity`, saved with the file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..settings import MAX_PAGE_SIZE, BakeSettings
+from ..settings import MAX_PAGE_SIZE, MOST_SUBDIVISIONS, BakeSettings
 from .format_properties import RadiosityFileSettings
+from .scene_check import settings_changed
 
 RELATIVE_PATH = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else {"ANIMATABLE"}
 """Before 4.5 every path could be relative to the .blend."""
@@ -34,26 +35,29 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         name="Fixed Density",
         description="Use as many pages as the density asks for, instead of filling one page",
         default=False,
+        update=settings_changed,
     )
     density: FloatProperty(
         name="Density",
-        description="Texels per metre of surface",
+        description="Texels per metre of surface: 16 for large levels, 64 for rooms, 256 for close-ups",
         default=64.0,
         min=0.001,
         soft_min=1.0,
         soft_max=512.0,
+        update=settings_changed,
     )
     page_size: IntProperty(
         name="Page Size",
-        description="Texels along an edge of a lightmap image",
+        description="Texels along an edge of a lightmap image; twice as many take about three times as long",
         default=BakeSettings.page_size,
         min=16,
         max=MAX_PAGE_SIZE,
         subtype="PIXEL",
+        update=settings_changed,
     )
     quality: EnumProperty(
         name="Quality",
-        description="How many rays are spent",
+        description="How many rays are spent: more give smoother shadows and finer bounced light",
         items=(
             ("draft", "Draft", "A quick look while placing lights"),
             ("medium", "Medium", "Good for most scenes"),
@@ -76,8 +80,47 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         items=(
             ("all", "All", "Until none is left to reflect"),
             ("scene", "As the Scene", "As often, and as bright, as the scene's Cycles settings allow"),
+            ("number", "Number", "So many times, 0 for direct light only"),
         ),
         default="all",
+    )
+    most_bounces: IntProperty(
+        name="Most Bounces",
+        description="Reflections of light that the lightmaps hold at most; 0 for the direct light of lamps only",
+        default=4,
+        min=0,
+        soft_max=32,
+    )
+    solver: EnumProperty(
+        name="Method",
+        description="How the radiosity equation is solved; all methods end alike, some take longer",
+        items=(
+            ("conjugate-gradient", "Conjugate Gradients", "The fastest"),
+            ("progressive", "Progressive Refinement", "All bright patches shoot their light at once"),
+            ("overshooting", "Overshooting", "Patches shoot what they expect to receive, too"),
+            ("southwell", "Southwell", "The brightest patch shoots, one at a time"),
+            ("gauss-seidel", "Gauss-Seidel", "Patches gather one after the other"),
+            ("jacobi", "Jacobi", "All patches gather at once: one bounce a step"),
+            ("dense", "Dense", "Solved at one stroke, for scenes of few patches"),
+        ),
+        default=BakeSettings.solver,
+    )
+    form_factors: EnumProperty(
+        name="Form Factors",
+        description="How it is found out which share of a patch's light reaches each other patch",
+        items=(
+            ("nusselt", "Nusselt Rays", "By rays in the cosine's distribution; the fastest"),
+            ("hemicube", "Hemicube", "Through the pixels of a half cube over each patch"),
+            ("area", "Area Integral", "Point by point between every two patches, for scenes of few patches"),
+        ),
+        default=BakeSettings.form_factors,
+    )
+    subdivisions: IntProperty(
+        name="Subdivisions",
+        description="How often patches are split where the light changes across them",
+        default=BakeSettings.subdivisions,
+        min=0,
+        max=MOST_SUBDIVISIONS,
     )
     threads: IntProperty(
         name="Threads",
@@ -120,67 +163,27 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
             page_size=self.page_size,
             quality=self.quality,
             tolerance=self.tolerance,
+            solver=self.solver,
+            form_factors=self.form_factors,
+            subdivisions=self.subdivisions,
             threads=self.threads,
             **(cycles_limits(self.id_data) if self.bounces == "scene" else {}),
+            **({"bounces": self.most_bounces} if self.bounces == "number" else {}),
         )
 
 
-class RadiosityObjectSettings(bpy.types.PropertyGroup):
-    """How one object takes part in a bake."""
-
-    exclude: BoolProperty(
-        name="Exclude",
-        description="Leave the object out of the bake: no lightmap, no shadow, no bounced light",
-        default=False,
-    )
-    only_casts: BoolProperty(
-        name="No Lightmap",
-        description="Let the object shadow and bounce light onto others, but take none itself",
-        default=False,
-    )
-    density: FloatProperty(
-        name="Density",
-        description="Multiplier of the texel density on this object",
-        default=1.0,
-        min=0.001,
-        soft_max=8.0,
-        max=1000.0,
-    )
-    two_sided: BoolProperty(
-        name="Two-Sided",
-        description="Give the backs of the faces places of their own on the lightmaps, as leaves and sheets need them",
-        default=False,
-    )
-    uv_map: StringProperty(
-        name="UV Map",
-        description="Keep this uv map for the lightmap instead of unwrapping. Empty: unwrap",
-        default="",
-    )
-    tube_radius: FloatProperty(
-        name="Tube Radius",
-        description="Make a curve without bevel and extrusion a tube of this radius: what it emits lights the scene",
-        default=0.0,
-        min=0.0,
-        soft_max=1.0,
-        subtype="DISTANCE",
-        unit="LENGTH",
-    )
-
-
-CLASSES = (RadiosityFileSettings, RadiositySceneSettings, RadiosityObjectSettings)
+CLASSES = (RadiosityFileSettings, RadiositySceneSettings)
 
 
 def register() -> None:
-    """Give scenes and objects their settings."""
+    """Give scenes their settings."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.radiosity = PointerProperty(type=RadiositySceneSettings)
-    bpy.types.Object.radiosity = PointerProperty(type=RadiosityObjectSettings)
 
 
 def unregister() -> None:
     """Take the settings away; what a file holds of them stays in it."""
-    del bpy.types.Object.radiosity
     del bpy.types.Scene.radiosity
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -34,48 +34,49 @@ def revert(scene: bpy.types.Scene) -> None:
 
 def take_out(token: str) -> None:
     """Remove all that a bake made, and undo all that it changed, wherever that carries the bake's token."""
-    bpy.data.batch_remove([thing for thing in _of_bake(bpy.data.objects, token) if is_stand_in(thing)])
-    bpy.data.batch_remove(_of_bake(bpy.data.collections, token))
-    for thing in _of_bake(bpy.data.objects, token):
+    bpy.data.batch_remove([thing for thing in of_bake(bpy.data.objects, token) if is_stand_in(thing)])
+    bpy.data.batch_remove(of_bake(bpy.data.collections, token))
+    for thing in of_bake(bpy.data.objects, token):
         if is_behind_stand_in(thing):
             swap_out(thing)
         if SLOTS_KEY in thing:
-            _restore_slots(thing)
+            restore_slots(thing)
     _remove_previews(token)
-    for mesh in _of_bake(bpy.data.meshes, token):
+    for mesh in of_bake(bpy.data.meshes, token):
         if STAND_IN_KEY in mesh and mesh.users == 0:
             bpy.data.meshes.remove(mesh)
         else:
             _restore_mesh(mesh)
-    for image in _of_bake(bpy.data.images, token):
+    for image in of_bake(bpy.data.images, token):
         bpy.data.images.remove(image)
     for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.scenes):
-        for datablock in _of_bake(kind, token):
+        for datablock in of_bake(kind, token):
             for key in KEYS:
                 if key in datablock:
                     del datablock[key]
 
 
-def _of_bake(collection: bpy.types.bpy_prop_collection, token: str) -> list[bpy.types.ID]:
+def of_bake(collection: bpy.types.bpy_prop_collection, token: str) -> list[bpy.types.ID]:
+    """Datablocks of a kind that a bake made or changed."""
     return [datablock for datablock in collection if datablock.get(BAKE_KEY) == token]
 
 
 def _remove_previews(token: str) -> None:
-    for mesh in _of_bake(bpy.data.meshes, token):
+    for mesh in of_bake(bpy.data.meshes, token):
         if SLOT_KEY in mesh:
             del mesh[SLOT_KEY]
             if len(mesh.materials) == 1 and (mesh.materials[0] is None or is_preview(mesh.materials[0])):
                 set_materials(mesh, [])
-    for material in _of_bake(bpy.data.materials, token):
+    for material in of_bake(bpy.data.materials, token):
         original = original_material(material)
         if original is not None:
             material.user_remap(original)
         bpy.data.materials.remove(material)
-    for group in _of_bake(bpy.data.node_groups, token):
+    for group in of_bake(bpy.data.node_groups, token):
         bpy.data.node_groups.remove(group)
 
 
-def _restore_slots(thing: bpy.types.Object) -> None:
+def restore_slots(thing: bpy.types.Object) -> None:
     """Link the slots that still show a lightmap to what they were linked to."""
     for index, slot in enumerate(thing.material_slots):
         kept = thing[SLOTS_KEY].get(str(index))

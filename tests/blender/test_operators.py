@@ -9,7 +9,7 @@ import bpy
 import pytest
 
 from radiosity_addon import blender
-from radiosity_addon.blender import operators, panels, properties
+from radiosity_addon.blender import operators
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import STAGES
 from tests.blender.datablocks import differences, snapshot
@@ -123,15 +123,3 @@ def test_within_registered_it_stays_registered() -> None:
     with blender.registered():
         pass
     assert hasattr(bpy.types.Scene, "radiosity")
-
-
-def test_tooltips_end_without_a_full_stop_and_labels_are_titles() -> None:
-    for cls in (*properties.CLASSES, *operators.CLASSES):
-        for name in getattr(cls, "__annotations__", {}):
-            prop = cls.bl_rna.properties[name]
-            assert prop.description, f"{cls.__name__}.{prop.identifier} has no tooltip"
-            assert not prop.description.endswith("."), prop.description
-            assert prop.name[0].isupper(), prop.name
-    for cls in operators.CLASSES:
-        assert not cls.bl_rna.description.endswith(".")
-    assert len({cls.__name__ for cls in panels.CLASSES}) == len(panels.CLASSES)

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import bpy
+
+settings = bpy.context.scene.radiosity
+
+settings.density_enabled = False
+settings.density = 64.0
+settings.page_size = 512
+settings.quality = "draft"
+settings.tolerance = 0.0001
+settings.bounces = "all"
+settings.most_bounces = 4
+settings.solver = "conjugate-gradient"
+settings.form_factors = "nusselt"
+settings.subdivisions = 0
+settings.write_back = "preview"
+settings.files.format = "exr"
+settings.files.depth = "half"
+settings.files.compression = "zip"
+settings.files.exposure = 0.0
+settings.files.transfer = "srgb"
+settings.files.space = "auto"
+settings.files.intent = "relative"

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+from __future__ import annotations
+
+import pytest
+
+from radiosity_addon.estimate import about, about_seconds, estimate, slowness_of
+from radiosity_addon.settings import QUALITIES, BakeSettings
+
+
+def test_one_page_is_filled_whatever_the_area() -> None:
+    known, unknown = (estimate(area, BakeSettings(page_size=1000)) for area in (100.0, None))
+    assert (known.pages, known.texels) == (unknown.pages, unknown.texels) == (1, 720_000)
+    assert unknown.density is None
+    assert known.density == pytest.approx((720_000 / 100) ** 0.5)
+
+
+def test_at_a_density_texels_follow_the_area_and_pages_the_texels() -> None:
+    found = estimate(100.0, BakeSettings(page_size=100, density=20.0))
+    assert (found.texels, found.density) == (40_000, 20.0)
+    assert found.pages == 6, "40,000 texels on pages that hold 7,200 each"
+
+
+def test_every_page_group_has_a_page_of_its_own() -> None:
+    assert estimate(None, BakeSettings(page_size=100), groups=3).pages == 3
+    assert estimate(0.01, BakeSettings(page_size=100, density=1.0), groups=3).pages == 3
+
+
+def test_better_qualities_take_longer_and_memory_grows_with_texels() -> None:
+    seconds = [estimate(None, BakeSettings(quality=name)).seconds for name in QUALITIES]
+    assert seconds == sorted(seconds)
+    small, large = (estimate(None, BakeSettings(page_size=size)) for size in (512, 4096))
+    assert small.bytes < large.bytes
+    assert small.seconds < large.seconds
+
+
+def test_a_machine_twice_as_slow_is_expected_to_take_twice_as_long() -> None:
+    plain = estimate(None, BakeSettings())
+    slowness = slowness_of(2 * plain.seconds, plain.texels, "medium")
+    assert slowness == pytest.approx(2)
+    assert estimate(None, BakeSettings(), slowness=slowness).seconds == pytest.approx(2 * plain.seconds)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (7, "7"),
+        (843, "840"),
+        (48_462, "48,000"),
+        (999_499, "1,000,000"),
+        (1_234_567, "1.2 million"),
+        (1.5e8, "150 million"),
+    ],
+)
+def test_counts_are_said_in_two_digits(number: float, words: str) -> None:
+    assert about(number) == words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.2, "1 s"), (7.6, "8 s"), (33, "35 s"), (57, "1 min"), (700, "12 min"), (5400, "1.5 h")]
+)
+def test_times_are_said_as_people_do(seconds: float, words: str) -> None:
+    assert about_seconds(seconds) == words
