@@ -63,8 +63,10 @@ def rna_of(cls: type) -> bpy.types.Struct:
 
 
 def is_title(text: str) -> bool:
-    small = {"to", "as", "the", "of", "a", "in"}
-    return all(word in small or word[0].isupper() for word in re.findall(r"[A-Za-z]+", text)) and text[-1].isalnum()
+    as_they_are = {"to", "as", "the", "of", "a", "in", "glTF"}
+    return (
+        all(word in as_they_are or word[0].isupper() for word in re.findall(r"[A-Za-z]+", text)) and text[-1].isalnum()
+    )
 
 
 def is_sentence(text: str) -> bool:
