@@ -50,7 +50,8 @@ def test_manifest_validates() -> None:
 
 def test_zip_holds_what_a_release_stages_and_nothing_else(archive: Path) -> None:
     staged = {name for name in dev.STAGED if (ROOT / name).is_file()}
-    package = [path for kind in ("*.py", "*.css") for path in (ROOT / "radiosity_addon").rglob(kind)]
+    folders = [ROOT / name for name in dev.STAGED if (ROOT / name).is_dir()]
+    package = [path for kind in ("*.py", "*.css") for folder in folders for path in folder.rglob(kind)]
     sources = {path.relative_to(ROOT).as_posix() for path in package}
     with zipfile.ZipFile(archive) as content:
         assert {name for name in content.namelist() if not name.endswith("/")} == staged | sources
