@@ -25,7 +25,7 @@ OCTAVES = 2.0
 """Ends of the scale of densities: the target divided and multiplied by 2 to this power."""
 SQUARE = 8
 """Texels along an edge of the checker's large squares."""
-SEAM_PIXELS = 1.6
+SEAM_PIXELS = 1.2
 """Width of the seams of charts and of the edges of patches."""
 WHITE = np.full((256, 3), 255, np.uint8)
 

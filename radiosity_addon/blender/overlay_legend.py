@@ -25,7 +25,7 @@ WIDTH, MARGIN, BAR, PADDING = 300, 20, 14, 14
 """Of the box, around it, height of the bar, inside of the box; pixels at a resolution scale of 1."""
 TITLE, TEXT = 14, 12
 """Sizes of type."""
-GROUND, WORDS, QUIET = (0.05, 0.05, 0.06, 0.93), (0.96, 0.96, 0.96, 1.0), (0.74, 0.74, 0.76, 1.0)
+GROUND, WORDS, QUIET = (0.045, 0.045, 0.05, 1.0), (0.96, 0.96, 0.96, 1.0), (0.74, 0.74, 0.76, 1.0)
 FEW_TICKS = 3
 """A scale with fewer round numbers has its ends and its middle written instead."""
 UNITS = {"lux": (1.0, "lx"), "watts": (1 / LUMENS_PER_WATT, "W/m²")}
