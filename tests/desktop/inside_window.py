@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run by a Blender with a window: does what the tests ask for and tells them what they can't see.
+
+    blender FILE.blend --python inside_window.py -- FOLDER
+
+A question is FOLDER/question.json, the answer FOLDER/answer.json; both carry its number. Mouse and keys are not ours:
+they come from outside, as a person's do.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+TICK_SECONDS = 0.05
+OPERATOR_COLOR = (0x54 / 255, 0x57 / 255, 0x54 / 255, 1.0)
+"""Of buttons that call operators. The theme has three steps less green, which no eye tells apart."""
+PROGRESS_COLOR = (0x47 / 255, 0x75 / 255, 0xB3 / 255, 1.0)
+"""Of bars that show progress, likewise."""
+PLACES = {"sidebar": ("VIEW_3D", "UI"), "view": ("VIEW_3D", "WINDOW"), "properties": ("PROPERTIES", "WINDOW")}
+
+answered = 0
+
+
+def arrange(shading: str) -> bool:
+    """Bring the window into a known state; True once it is, so ask again until then."""
+    preferences = bpy.context.preferences
+    preferences.use_preferences_save = False
+    preferences.view.show_splash = False
+    interface = preferences.themes[0].user_interface
+    interface.wcol_tool.inner = OPERATOR_COLOR
+    interface.wcol_progress.item = PROGRESS_COLOR
+    view = area("VIEW_3D")
+    space = view.spaces.active
+    space.shading.type = shading
+    bpy.context.scene.eevee.taa_samples = 1  # software draws a picture for each
+    space.region_3d.view_perspective = "CAMERA" if bpy.context.scene.camera else "PERSP"
+    sidebar = region("sidebar")
+    if not space.show_region_ui or sidebar.width <= 1:
+        space.show_region_ui = True
+        return False
+    if sidebar.active_panel_category != "Radiosity":
+        sidebar.active_panel_category = "Radiosity"
+        return False
+    area("PROPERTIES").spaces.active.context = "RENDER"
+    return True
+
+
+def state() -> dict[str, Any]:
+    """What is open, and how far the bake is."""
+    scene = bpy.context.window_manager.windows[0].scene
+    return {
+        "file": bpy.data.filepath,
+        "running": "RADIOSITY_OT_bake" in running(),
+        "baked": "radiosity_bake" in scene,
+        "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
+        "images": [image.name for image in bpy.data.images if image.is_float],
+    }
+
+
+def running() -> list[str]:
+    """The operators that are running in the window."""
+    return [operator.bl_idname for operator in bpy.context.window_manager.windows[0].modal_operators]
+
+
+def place(name: str) -> list[int]:
+    """Left, top, right and bottom of a part of the window, in pixels of a screenshot."""
+    found = region(name)
+    height = bpy.context.window_manager.windows[0].height
+    return [found.x, height - found.y - found.height, found.x + found.width, height - found.y]
+
+
+def hovered(name: str) -> str:
+    """The call behind the button under the mouse, such as `bpy.ops.radiosity.bake()`; empty where there is none."""
+    manager = bpy.context.window_manager
+    manager.clipboard = ""
+    with bpy.context.temp_override(window=manager.windows[0], area=area(PLACES[name][0]), region=region(name)):
+        if bpy.ops.ui.copy_python_command_button.poll():
+            bpy.ops.ui.copy_python_command_button()
+    return str(manager.clipboard)
+
+
+def choose(settings: dict[str, Any]) -> None:
+    """Set settings of the scene's bake; None takes a setting back."""
+    radiosity = bpy.context.window_manager.windows[0].scene.radiosity
+    for name, value in settings.items():
+        if value is None:
+            radiosity.property_unset(name)
+        else:
+            setattr(radiosity, name, value)
+
+
+def save(path: str) -> None:
+    """Save the open file as `path`, and go on with the one that was open."""
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+
+
+def compare(before: str, after: str) -> list[str]:
+    """Where two .blend files differ, datablock by datablock."""
+    from datablocks import differences, snapshot
+
+    area("VIEW_3D").spaces.active.shading.type = "SOLID"  # faster to draw
+    snapshots = []
+    for path in (before, after):
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+            bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+        snapshots.append(snapshot())
+    return differences(*snapshots)
+
+
+def leave() -> None:
+    """Quit without asking whether to save."""
+    bpy.app.timers.register(lambda: bpy.ops.wm.quit_blender() and None, first_interval=TICK_SECONDS)
+
+
+def area(kind: str) -> bpy.types.Area:
+    return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind)
+
+
+def region(name: str) -> bpy.types.Region:
+    kind, part = PLACES[name]
+    return next(region for region in area(kind).regions if region.type == part)
+
+
+CALLS: dict[str, Callable[..., Any]] = {
+    call.__name__: call for call in (arrange, state, place, hovered, choose, save, compare, leave)
+}
+
+
+def answer() -> float:
+    """Answer the question, if there is a new one."""
+    global answered
+    try:
+        question = json.loads((FOLDER / "question.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return TICK_SECONDS
+    if question["number"] > answered:
+        answered = question["number"]
+        reply: dict[str, Any] = {"number": answered}
+        try:
+            reply["value"] = CALLS[question["call"]](*question["arguments"])
+        except Exception:  # noqa: BLE001 the test that asked says what went wrong
+            reply["error"] = traceback.format_exc()
+        waiting = FOLDER / "answer.part"
+        waiting.write_text(json.dumps(reply), encoding="utf-8")
+        os.replace(waiting, FOLDER / "answer.json")
+    return TICK_SECONDS
+
+
+sys.path.insert(0, str(Path(__file__).parent))
+bpy.app.timers.register(answer, persistent=True)

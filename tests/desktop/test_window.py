@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The installed extension in a real window, by mouse and keyboard: bake, watch, cancel, bake again, revert.
+
+One window goes through all of it; each fixture is one step, and each test looks at what a step has left. Pictures are
+kept in out/desktop/, or in the folder that RADIOSITY_WINDOW_PICTURES names.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.desktop.blender import ROOT, Desktop
+from tests.desktop.window import Window
+
+PICTURES = Path(os.environ.get("RADIOSITY_WINDOW_PICTURES", ROOT / "out/desktop"))
+LONG_BAKE = {"page_size": 1024, "quality": "high"}
+SHORT_BAKE = {"page_size": 256, "quality": "draft"}
+
+pytestmark = pytest.mark.desktop
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The Cornell box, in a folder of its own."""
+    return Path(shutil.copy(ROOT / "sample_scenes/cornell_box.blend", tmp_path_factory.mktemp("window")))
+
+
+@pytest.fixture(scope="module")
+def window(desktop: Desktop, blend: Path) -> Iterator[Window]:
+    """A window that shows it."""
+    window = Window(desktop, blend.parent, PICTURES)
+    try:
+        window.open(blend, "MATERIAL")
+        window.ask("save", str(blend.with_name("before.blend")))
+        yield window
+    finally:
+        window.close()
+
+
+@pytest.fixture(scope="module")
+def unlit(window: Window) -> np.ndarray:
+    """What the 3D view shows before any bake."""
+    return view(window, "before")
+
+
+@pytest.fixture(scope="module")
+def bars(window: Window, unlit: np.ndarray) -> list[int]:
+    """Lengths of the progress bars while a bake goes on that was started by a click."""
+    window.ask("choose", LONG_BAKE)
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.ask("state")["running"], "the bake runs")
+    first = window.until(window.progress_bars, "a progress bar is seen")
+    second = window.until(lambda: max(window.progress_bars() - first, 0), "the bar has grown") + first
+    window.picture("baking")
+    return [first, second]
+
+
+@pytest.fixture(scope="module")
+def cancelled(window: Window, bars: list[int]) -> dict[str, Any]:
+    """The state after Esc."""
+    window.press("Escape")
+    window.until(lambda: not window.ask("state")["running"], "the bake has ended")
+    window.picture("cancelled")
+    return dict(window.ask("state"))
+
+
+@pytest.fixture(scope="module")
+def baked(window: Window, cancelled: dict[str, Any]) -> dict[str, Any]:
+    """The state after a second bake, and what the 3D view shows then."""
+    window.ask("choose", SHORT_BAKE)
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.ask("state")["baked"], "the scene is baked")
+    return {"view": view(window, "baked"), **window.ask("state")}
+
+
+@pytest.fixture(scope="module")
+def reverted(window: Window, baked: dict[str, Any]) -> dict[str, Any]:
+    """The state after Revert, and what the 3D view shows then."""
+    window.click_button("bpy.ops.radiosity.revert(")
+    window.until(lambda: not window.ask("state")["baked"], "the bake is taken out")
+    return {"view": view(window, "reverted"), **window.ask("state")}
+
+
+def view(window: Window, name: str) -> np.ndarray:
+    """A picture of the 3D view without the sidebar, once nothing changes."""
+    left, top, _, bottom = window.ask("place", "view")
+    right = window.ask("place", "sidebar")[0]
+    return window.settled(name)[top:bottom, left:right].astype(np.float32)
+
+
+def test_progress_bar_grows_while_the_window_is_drawn(bars: list[int]) -> None:
+    assert 0 < bars[0] < bars[1]
+
+
+def test_escape_cancels_and_leaves_no_trace(cancelled: dict[str, Any], blend: Path) -> None:
+    assert not cancelled["baked"]
+    assert cancelled["uv_maps"] == 0
+    assert cancelled["images"] == []
+    assert [path.name for path in blend.parent.glob("*_textures/*")] == []
+
+
+def test_second_bake_lights_every_object(baked: dict[str, Any], blend: Path) -> None:
+    assert baked["uv_maps"] == 7
+    assert len(baked["images"]) == 1
+    assert len(list(blend.parent.glob("*_textures/*.exr"))) == 1
+
+
+def test_baked_light_is_seen(baked: dict[str, Any], unlit: np.ndarray) -> None:
+    assert np.abs(baked["view"] - unlit).mean() > 5
+
+
+def test_view_after_revert_is_the_view_before(reverted: dict[str, Any], unlit: np.ndarray) -> None:
+    assert np.abs(reverted["view"] - unlit).mean() < 0.5
+
+
+def test_file_after_revert_is_the_file_before(window: Window, reverted: dict[str, Any], blend: Path) -> None:
+    window.ask("choose", dict.fromkeys(SHORT_BAKE))
+    after = blend.with_name("after.blend")
+    window.ask("save", str(after))
+    assert window.ask("compare", str(blend.with_name("before.blend")), str(after)) == []

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Blender with a window, used as a person does: looks at its pictures, moves the mouse, presses keys.
+
+Nothing waits for a fixed time: a window drawn by software on a busy machine takes a second for a picture, or many.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from PIL import Image
+
+from tests.desktop.blender import ROOT, Desktop
+
+T = TypeVar("T")
+
+PATIENCE = 90.0
+"""Seconds after which what is waited for is taken to never come."""
+HOVERING = 5.0
+"""Seconds until a button, if it is one, has seen that the mouse is over it."""
+GLANCE = 0.05
+"""Seconds between two looks at what is waited for."""
+OPERATOR_COLOR = (0x54, 0x57, 0x54)
+PROGRESS_COLOR = (0x47, 0x75, 0xB3)
+"""The colours that inside_window.py gives to buttons of operators and to progress bars."""
+LEAST_BUTTON = 12
+"""Pixels that a button has at least in both directions."""
+NOWHERE = (3, 997)
+"""A place without buttons."""
+
+
+class Window:
+    """A window of its own on a screen of its own.
+
+    Attributes:
+        folder: temporary, seen by that Blender too
+        pictures: where screenshots are kept
+    """
+
+    def __init__(self, desktop: Desktop, folder: Path, pictures: Path) -> None:
+        self.folder = folder
+        self.pictures = pictures
+        self._script = desktop.script
+        self._environment = desktop.environment() | {"DESKTOP_BLENDER_DISPLAY": free_display()}
+        self._asked = 0
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def open(self, blend: Path, shading: str = "SOLID") -> None:
+        """Start Blender with a file, the sidebar and the Render properties in view."""
+        for script in (ROOT / "tests/desktop/inside_window.py", ROOT / "tests/blender/datablocks.py"):
+            shutil.copy(script, self.folder)
+        command = [self._script, "window", blend, "--python", self.folder / "inside_window.py", "--", self.folder]
+        with (self.folder / "window.log").open("wb") as log:
+            self._process = subprocess.Popen(
+                command, cwd=ROOT, env=self._environment, stdout=log, stderr=log, start_new_session=True
+            )
+        self.until(lambda: self.ask("arrange", shading), "the window is arranged")
+
+    def close(self) -> None:
+        """End Blender and its screen, whatever they are doing."""
+        if self._process is None:
+            return
+        for kind in (signal.SIGTERM, signal.SIGKILL):
+            try:
+                os.killpg(self._process.pid, kind)
+                self._process.wait(10)
+                os.killpg(self._process.pid, 0)
+            except ProcessLookupError:
+                return
+            except subprocess.TimeoutExpired:
+                continue
+
+    def ask(self, call: str, *arguments: Any) -> Any:
+        """The answer of a function of inside_window.py."""
+        self._asked += 1
+        question = {"number": self._asked, "call": call, "arguments": arguments}
+        waiting = self.folder / "question.part"
+        waiting.write_text(json.dumps(question), encoding="utf-8")
+        os.replace(waiting, self.folder / "question.json")
+        reply = self.until(self._answer, f"an answer to {call}{arguments}")
+        assert "error" not in reply, reply["error"]
+        return reply["value"]
+
+    def _answer(self) -> dict[str, Any] | None:
+        assert self._process is not None
+        assert self._process.poll() is None, f"Blender has quit:\n{(self.folder / 'window.log').read_text()[-4000:]}"
+        path = self.folder / "answer.json"
+        reply: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {"number": 0}
+        return reply if reply["number"] == self._asked else None
+
+    def until(self, looked_at: Callable[[], T | None], awaited: str) -> T:
+        """Look until what is seen is something; fails with a picture of the window."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            seen = looked_at()
+            if seen:
+                return seen
+            time.sleep(GLANCE)
+        self.picture("failed")
+        raise AssertionError(f"waited {PATIENCE:.0f} s until {awaited}; see {self.pictures / 'failed.png'}")
+
+    def picture(self, name: str | None = None) -> np.ndarray:
+        """What the window shows, (height, width, 3) uint8; kept under a name."""
+        path = self.folder / "shot.bmp"  # quickly written, and read
+        subprocess.run([self._script, "shot", path], cwd=ROOT, env=self._environment, check=True, timeout=PATIENCE)
+        with Image.open(path) as image:
+            if name:
+                self.pictures.mkdir(parents=True, exist_ok=True)
+                image.save(self.pictures / f"{name}.png")
+            return np.asarray(image.convert("RGB"))
+
+    def hands(self, *words: str | int) -> None:
+        """Mouse and keyboard, in xdotool's words."""
+        command = [self._script, "xdo", *map(str, words)]
+        subprocess.run(command, cwd=ROOT, env=self._environment, check=True, timeout=PATIENCE, capture_output=True)
+
+    def press(self, key: str) -> None:
+        """Press and let go a key."""
+        self.hands("key", key)
+
+    def click(self, x: int, y: int) -> None:
+        """Move the mouse there, press and let go its left button."""
+        self.hands("mousemove", x, y, "mousedown", 1, "mouseup", 1)
+
+    def click_button(self, operator: str, place: str = "sidebar") -> None:
+        """Click the button that calls an operator, once the mouse is seen to be over it."""
+        x, y = self.until(lambda: self.button(operator, place), f"a button for {operator} is in the {place}")
+        self.click(x, y)
+
+    def button(self, operator: str, place: str = "sidebar") -> tuple[int, int] | None:
+        """Where the button of an operator is, and the mouse over it; None if it is not in sight."""
+        self.hands("mousemove", *NOWHERE)
+        self.until(lambda: not self.ask("hovered", place), "no button is under the mouse")
+        left, top, right, bottom = self.ask("place", place)
+        found = rectangles((self.picture()[top:bottom, left:right] == OPERATOR_COLOR).all(-1))
+        for x, y in found:
+            self.hands("mousemove", left + x, top + y)
+            if self.hovered(place).startswith(operator):
+                return left + x, top + y
+        return None
+
+    def hovered(self, place: str) -> str:
+        """What the button under the mouse calls; empty if it stays unknown for a while."""
+        end = time.monotonic() + HOVERING
+        while time.monotonic() < end:
+            call: str = self.ask("hovered", place)
+            if call:
+                return call
+        return ""
+
+    def settled(self, name: str) -> np.ndarray:
+        """A picture of the window, kept under a name, once nothing in it changes."""
+        seen = [self.picture()]
+
+        def still() -> bool:
+            seen.append(self.picture())
+            return np.array_equal(*seen[-2:]) and not bars(seen[-1])
+
+        self.until(still, "the window no longer changes")
+        return self.picture(name)
+
+    def progress_bars(self) -> int:
+        """Pixels of filled progress bars in sight."""
+        return bars(self.picture())
+
+
+def bars(picture: np.ndarray) -> int:
+    """Pixels of filled progress bars."""
+    return int((picture == PROGRESS_COLOR).all(-1).sum())
+
+
+def rectangles(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Centres (x, y) of the filled rectangles of a mask, from the top; what is written on them may leave holes."""
+    mask = mask.copy()
+    found = []
+    while mask.any():
+        y, x = np.unravel_index(mask.argmax(), mask.shape)
+        inner_y, inner_x = min(y + 2, mask.shape[0] - 1), min(x + 2, mask.shape[1] - 1)
+        width, height = run(mask[inner_y, inner_x:]), run(mask[inner_y:, inner_x])
+        if min(width, height) >= LEAST_BUTTON:
+            found.append((int(inner_x + width // 2), int(inner_y + height // 2)))
+        mask[y : inner_y + max(height, 1), max(x - 4, 0) : inner_x + max(width, 1) + 4] = False
+    return found
+
+
+def run(line: np.ndarray) -> int:
+    """How many of the first are set."""
+    return len(line) if line.all() else int(line.argmin())
+
+
+def free_display() -> str:
+    """A screen that no one uses; DESKTOP_BLENDER_DISPLAY may name it."""
+    named = os.environ.get("DESKTOP_BLENDER_DISPLAY")
+    first = 200 + os.getpid() % 500
+    numbers = [int(named.lstrip(":"))] if named else range(first, first + 500)
+    free = [number for number in numbers if not Path(f"/tmp/.X11-unix/X{number}").exists()]
+    assert free, f"the screen {named} is in use"
+    return f":{free[0]}"
