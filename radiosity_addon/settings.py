@@ -35,6 +35,7 @@ class Quality:
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
+        lamp_error: relative error that the weaker ones of many lamps may bring, which are known at nodes only
     """
 
     patch_rays: int
@@ -45,12 +46,13 @@ class Quality:
     shadow_probes: int
     shadow_rays: int
     gather_passes: int
+    lamp_error: float
 
 
 QUALITY_STEPS: dict[str, Quality] = {
-    "draft": Quality(48, 6000, 64, 8.0, 3000, 1, 16, 1),
-    "medium": Quality(64, 12000, 224, 5.0, 6000, 1, 36, 2),
-    "high": Quality(128, 24000, 512, 4.0, 12000, 4, 144, 2),
+    "draft": Quality(48, 6000, 64, 8.0, 3000, 1, 16, 1, 0.02),
+    "medium": Quality(64, 12000, 224, 5.0, 6000, 1, 36, 2, 0.01),
+    "high": Quality(128, 24000, 512, 4.0, 12000, 4, 144, 2, 0.005),
 }
 
 

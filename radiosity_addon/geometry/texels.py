@@ -8,7 +8,7 @@ Texels that no stratum touches, but whose bilinear footprint touches the chart, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,6 +168,28 @@ class Texels:
                     pixel *= self.size
             np.take(self.texel_at, pixel, out=found[part], mode="clip")
         return found
+
+    def only(self, chosen: Int64, texel_at: Int32) -> Texels:
+        """Those at `chosen` (C,), in page order.
+
+        Args:
+            texel_at: as the attribute, all -1; the chosen ones are entered
+        """
+        pixel = self.pixel[chosen]
+        texel_at[pixel] = np.arange(len(chosen), dtype=np.int32)
+        parts = (
+            "triangle",
+            "barycentric",
+            "covered",
+            "area",
+            "position",
+            "normal",
+            "shading_normal",
+            "valid",
+            "crossed",
+        )
+        own = {name: getattr(self, name)[chosen] for name in parts}
+        return replace(self, pixel=pixel, texel_at=texel_at, **own)
 
     def without(self, inside: Bools) -> Texels:
         """Leave out strata (T, 4) that lie inside other geometry: changes these texels, and returns them.

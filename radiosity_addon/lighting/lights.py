@@ -3,18 +3,21 @@
 
 Lamps come in batches. Each texel sends a few probe rays to each lamp; the probes of a 5 x 5 neighbourhood on the
 page say whether a texel is fully lit, fully shadowed, or partly: only those send more rays. Sampling depends on
-geometry and visibility, never on strengths or light groups.
+geometry and visibility, never on strengths or light groups; only of many lamps the weak ones of a group are told from
+the strong ones.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
-from ..chunks import Fractions, in_chunks, scaled
+from ..chunks import Fractions, finish, in_chunks, scaled
 from ..geometry.surfaces import Surfaces
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
@@ -26,6 +29,7 @@ from .emitters import emissive_lamps
 from .glow import Glow
 from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
+from .many_lamps import survey
 from .penumbra import smooth_penumbrae
 from .shades import Bytes, Shades, pooled, shade_codes
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
@@ -38,6 +42,15 @@ BATCH_BYTES = 6 << 24
 
 POOL = 2
 """Probes are pooled over this many texels to every side."""
+
+MANY = 32
+"""Lamps from which on nodes find out where each of them matters."""
+
+TOGETHER = 64
+"""Of many lamps so many, at most, are treated before their light is added, in order."""
+
+COPIED = 1 << 20
+"""Texels that a lamp is treated at alone, at most: a copy of them takes 0.1 GB. Beyond, it is treated at all."""
 
 PROBE_CHUNK = 1 << 14
 """Texels probed in one go."""
@@ -57,10 +70,10 @@ class Lamps:
     sampled: Bools
     receivers: Mapping[int, Bools] = field(default_factory=dict)
 
-    def batch(self, start: int, stop: int) -> Lamps:
-        """Lamps start to stop."""
-        receivers = {index - start: lit for index, lit in self.receivers.items() if start <= index < stop}
-        return replace(self, lamps=self.lamps[start:stop], receivers=receivers)
+    def of(self, numbers: Sequence[int]) -> Lamps:
+        """Those of these numbers."""
+        receivers = {k: self.receivers[number] for k, number in enumerate(numbers) if number in self.receivers}
+        return replace(self, lamps=tuple(self.lamps[number] for number in numbers), receivers=receivers)
 
     def keep_to_receivers(self, index: int, light: Float32, mesh: Int32) -> None:
         """Put out, in place, a lamp's light (P,) on meshes (P,) that it does not light."""
@@ -133,7 +146,7 @@ def irradiance_at(
                 slopes = lattice_generators(seed_ids[part][lit], rays)
                 tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
                 share[:, lit] = tally.share()
-            _add(total[part], lamp, light, share)
+            _add(total[part], lamp, light * share)
     return total
 
 
@@ -147,35 +160,92 @@ def direct_irradiance(
     """
     visibility = visibility.of_lamps
     total = np.zeros((texels.count, group_count, 3), np.float32)
+    free = lamps.of([number for number in range(len(lamps.lamps)) if number not in lamps.receivers])
+    if len(free.lamps) >= MANY:
+        yield from scaled(_add_many(free, texels, visibility, settings, total), 0, len(free.lamps) / len(lamps.lamps))
+        lamps = lamps.of(sorted(lamps.receivers))
     size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
-    batches = [lamps.batch(start, start + size) for start in range(0, len(lamps.lamps), size)]
+    numbers = range(len(lamps.lamps))
+    batches = [lamps.of(numbers[start : start + size]) for start in numbers[::size]]
     for done, batch in enumerate(batches):
         steps = _add_batch(batch, texels, visibility, settings, total)
         yield from scaled(steps, done / len(batches), (done + 1) / len(batches))
     return total
 
 
-def _add(total: Float32, lamp: Lamp, light: Float32, share: Float32) -> None:
-    """Add the share (C, B) of a lamp's light (B,) that arrives to irradiance (B, G, 3)."""
-    arrived = light * share
+def _add_many(
+    lamps: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
+) -> Generator[float, None, None]:
+    """Add the light of many lamps to `total` (T, G, 3): each at the texels that a survey names, the rest as fitted."""
+    workers = settings.workers
+    asking = survey(lamps.lamps, texels, visibility, settings.steps.lamp_error, total.shape[1], workers)
+    found = yield from scaled(asking, 0, 0.3)
+    yield from scaled(found.add_field(total, workers), 0.3, 0.35)
+    alone = replace(settings, threads=1)
+    pages = threading.local()
+
+    def arriving(first: int, one: int, _: int) -> tuple[Int64, Float32]:
+        """The texels where a lamp is treated, and its light there that `found` does not have."""
+        number = first + one
+        ids, fitted = found.texels_of(number)
+        if not len(ids):
+            return ids, fitted
+        some = texels
+        if len(ids) <= COPIED:
+            if not hasattr(pages, "texel_at"):
+                pages.texel_at = np.full(len(texels.texel_at), -1, np.int32)
+            some = texels.only(ids, pages.texel_at)
+        probes, shares = finish(_shares(lamps.of([number]), some, visibility, alone))
+        light = probes.light[0] * shares[0]
+        if some is texels:
+            return ids, light[:, ids] - fitted
+        pages.texel_at[some.pixel] = -1
+        return ids, light - fitted
+
+    count = len(lamps.lamps)
+    together = max(1, min(TOGETHER, BATCH_BYTES // (12 * max(texels.count, 1))))
+    for start in range(0, count, together):
+        few = lamps.lamps[start : start + together]
+        steps = in_chunks(partial(arriving, start), len(few), 1, workers)
+        parts = yield from scaled(steps, 0.35 + 0.65 * start / count, 0.35 + 0.65 * (start + len(few)) / count)
+        for lamp, (ids, arrived) in zip(few, parts, strict=True):
+            sum_ = total[ids]
+            _add(sum_, lamp, arrived)
+            total[ids] = sum_
+    np.maximum(total, 0, out=total)
+
+
+def _add(total: Float32, lamp: Lamp, arrived: Float32) -> None:
+    """Add a lamp's light (C, B) that arrives, per unit strength, to irradiance (B, G, 3)."""
     for channel, strength in enumerate(lamp.strength):
         if strength:
-            total[:, lamp.group, channel] += arrived[channel % len(share)] * np.float32(strength)
+            total[:, lamp.group, channel] += arrived[channel % len(arrived)] * np.float32(strength)
 
 
 def _add_batch(
     batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
 ) -> Generator[float, None, None]:
     """Add the light of a batch to `total` (T, G, 3); yields the share done."""
+    probes, shares = yield from _shares(batch, texels, visibility, settings)
+    for lamp, light, share in zip(batch.lamps, probes.light, shares, strict=True):
+        _add(total, lamp, light * share)
+
+
+def _shares(
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings
+) -> Fractions[tuple[_Probes, list[Float32]]]:
+    """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives."""
     number = len(batch.lamps)
     probes = _Probes.none(number, texels.count, visibility)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
+    shares = []
     for index, lamp in enumerate(batch.lamps):
         low, high = 0.5 + index / number / 2, 0.5 + (index + 1) / number / 2
         share: Float32 = np.ones((1, 1), np.float32)
         if lamp.shadow:
             share = yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
-        _add(total, lamp, probes.light[index], share)
+        shares.append(share)
+    return probes, shares
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,13 @@ def shade_codes(share: Float32) -> Bytes:
     return codes
 
 
+SPARSE = 16
+"""Pages on which one of so many pixels, or fewer, is a texel are not looked at as a whole."""
+
+SPARSE_CHUNK = 1 << 14
+"""Texels that look around in one go."""
+
+
 @dataclass(frozen=True, eq=False)
 class Shades:
     """What samples of T texels, or of the squares of pixels about them, saw of a lamp.
@@ -54,6 +61,8 @@ def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fraction
     size = texels.size
     bands = -(-size // BAND)
     near = Shades(np.empty_like(shades.low), np.empty_like(shades.high))
+    if texels.count * SPARSE < len(texels.texel_at):
+        return (yield from _pooled_sparsely(shades, texels, reach, workers))
 
     def work(start: int, stop: int) -> None:
         page, band = divmod(start, bands)
@@ -72,6 +81,26 @@ def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fraction
             found[ends[1] : ends[2]] = _over_squares(extreme, image.reshape(-1, size), reach).reshape(-1)[place[own]]
 
     yield from in_chunks(work, texels.page_count * bands, 1, workers)
+    return near
+
+
+def _pooled_sparsely(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
+    """As `pooled`, by looking around each texel: pages may hold few."""
+    size = texels.size
+    low, high = np.append(shades.low, np.uint8(255)), np.append(shades.high, np.uint8(0))
+    near = Shades(shades.low.copy(), shades.high.copy())
+    span = range(-reach, reach + 1)
+
+    def work(start: int, stop: int) -> None:
+        pixel = texels.pixel[start:stop]
+        row, column = (pixel // size) % size, pixel % size
+        for dy, dx in ((dy, dx) for dy in span for dx in span):
+            other = texels.texel_at.take(pixel + (dy * size + dx), mode="clip")
+            other[(row + dy < 0) | (row + dy >= size) | (column + dx < 0) | (column + dx >= size)] = -1
+            np.minimum(near.low[start:stop], low.take(other), out=near.low[start:stop])
+            np.maximum(near.high[start:stop], high.take(other), out=near.high[start:stop])
+
+    yield from in_chunks(work, texels.count, SPARSE_CHUNK, workers)
     return near
 
 
