@@ -17,10 +17,12 @@ from ..arrays import Float32
 from ..color.spaces import RGBSpace
 from ..files import Transaction, safe_stem
 from ..pages.page_files import page_paths, sidecar_path, write_pages, write_sidecar
-from ..pages.page_format import MAX_EXPOSURE, PageFormat
+from ..pages.page_format import MAX_EXPOSURE, PageFormat, Transfer
 from .baked_pages import baked_pages
-from .gltf import write_glb
+from .gltf import Pictures, write_glb
 from .lit_set import Part, lit_set
+from .painted_pages import paint
+from .working_space import working_space
 
 CLIPPED_SHARE = 0.001
 """Share of texels that may be brighter than the white of a glTF's pictures: 8 bits can't span the glow at lamps too."""
@@ -77,16 +79,18 @@ def export_lightmaps(scene: bpy.types.Scene, wanted: Handover, files: Transactio
     glb = wanted.folder / f"{safe_stem(wanted.stem)}.glb" if wanted.gltf else None
     with lit_set(scene) as lit:
         if glb is not None:
-            pictures, scale = gltf_pictures(pages, recipe.space, wanted.workers)
-            write_glb(glb, lit, pictures, scale, files)
+            light = light_pictures(pages, recipe.space, wanted.workers)
+            colors = paint(scene, lit, len(pages), len(pages[0])).items()
+            painted = {quantity: _painted_pictures(shown, wanted.workers) for quantity, shown in colors}
+            write_glb(glb, lit, light, painted, files)
         more = {"objects": [_row(part, paths) for part in lit.parts if part.lit_by is not None]}
         warnings = list(lit.materials.warnings)
     write_sidecar(sidecar, paths, written.recipe, files, more)
     return Exported(paths, sidecar, glb, warnings if glb else [])
 
 
-def gltf_pictures(pages: Sequence[Float32], space: RGBSpace, workers: int = 1) -> tuple[list[bytes], float]:
-    """Pages as the PNG files of a glTF: 8 bits, linear Rec.709, dithered; and the light that their white stands for.
+def light_pictures(pages: Sequence[Float32], space: RGBSpace, workers: int = 1) -> Pictures:
+    """Lightmaps as glTF has them: 8 bits, linear Rec.709, dithered.
 
     All share one white, which `CLIPPED_SHARE` of the texels may exceed; it keeps the steps of 8 bits small.
 
@@ -96,12 +100,22 @@ def gltf_pictures(pages: Sequence[Float32], space: RGBSpace, workers: int = 1) -
     """
     high = np.concatenate([np.maximum(np.maximum(page[..., 0], page[..., 1]), page[..., 2]).ravel() for page in pages])
     white = max(float(np.quantile(high, 1 - CLIPPED_SHARE, method="lower")), DIMMEST)
-    exposure = min(-math.log2(white), MAX_EXPOSURE)
-    wanted = PageFormat("png8", exposure=exposure, transfer="linear")
+    return _pictures(pages, space, "linear", white, workers)
+
+
+def _painted_pictures(pages: Sequence[Float32], workers: int) -> Pictures:
+    """Colours as glTF has them: 8 bits, sRGB, white where they are brightest, or 1."""
+    white = max(1.0, *(float(page.max(initial=0)) for page in pages))
+    return _pictures([np.maximum(page, 0) for page in pages], working_space(), "srgb", white, workers)
+
+
+def _pictures(pages: Sequence[Float32], space: RGBSpace, transfer: Transfer, white: float, workers: int) -> Pictures:
+    exposure = max(-math.log2(white), -MAX_EXPOSURE)
+    wanted = PageFormat("png8", exposure=exposure, transfer=transfer)
     with tempfile.TemporaryDirectory(prefix="radiosity-") as folder, Transaction() as files:
         paths = page_paths(Path(folder), "page", len(pages), wanted.suffix)
         written = write_pages(pages, paths, wanted, space, files, workers)
-        return [path.read_bytes() for path in paths], written.recipe.scale
+        return Pictures([path.read_bytes() for path in paths], written.recipe.scale)
 
 
 def _row(part: Part, pages: Sequence[Path]) -> dict[str, Any]:

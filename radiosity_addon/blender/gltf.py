@@ -7,13 +7,14 @@ the irradiance, W/m2, linear Rec.709. It is the extension that Mozilla Hubs brou
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import json
 import math
 import struct
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,27 +23,42 @@ import bpy
 
 from ..errors import BakeError, OutputError
 from ..files import Transaction
+from ..shading import Quantity
 from .lit_set import LitSet
 from .pbr_materials import LitBy
 
 ADDON = "io_scene_gltf2"
 EXTENSION = "MOZ_lightmap"
 TRANSFORM = "KHR_texture_transform"
+STRENGTH = "KHR_materials_emissive_strength"
 BINARY = ("io.exp.binary_data", "io.exp.gltf2_io_binary_data")
 """Modules of the exporter that have BinaryData: from 4.3 on, and before."""
 LINEAR, CLAMP = 9729, 33071
 """glTF's numbers for filtering without mip levels, and for no repetition."""
 
 
-class _Lightmaps:
-    """What the exporter asks while it writes a set: names as the user knows them, and lightmaps."""
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Pages as glTF holds them.
 
-    def __init__(self, lit: LitSet, pages: Sequence[bytes], intensity: float) -> None:
+    Attributes:
+        files: a PNG file each
+        white: what their white stands for
+    """
+
+    files: list[bytes]
+    white: float
+
+
+class _Lightmaps:
+    """What the exporter asks while it writes a set: names as the user knows them, lightmaps, painted colours."""
+
+    def __init__(self, lit: LitSet, light: Pictures, painted: Mapping[Quantity, Pictures]) -> None:
         self.lit = lit
         self.names = {part.thing.name: part.name for part in lit.parts}
-        self.intensity = intensity
-        self._pages = pages
-        self._textures: dict[int, Any] = {}
+        self.light = light
+        self.painted = painted
+        self._textures: dict[str, Any] = {}
 
     def gather_node_hook(self, node: Any, thing: bpy.types.Object, settings: dict[str, Any]) -> None:
         """Name a node as the user's object."""
@@ -59,25 +75,43 @@ class _Lightmaps:
         found.name = self.lit.materials.names.get(material.name, found.name)
         lit_by = self.lit.materials.lit.get(material.name)
         if lit_by is not None:
-            found.extensions = {**(found.extensions or {}), EXTENSION: self._extension(lit_by)}
+            found.extensions = found.extensions or {}
+            found.extensions[EXTENSION] = self._lightmap(lit_by)
+            for quantity in sorted(self.lit.materials.painted.get(material.name, ())):
+                self._show_painted(found, quantity, lit_by)
 
-    def _extension(self, lit_by: LitBy) -> Any:
-        extension = importlib.import_module(f"{ADDON}.io.com.gltf2_io_extensions").Extension
-        content = {"index": self._texture(lit_by.page), "texCoord": 1, "intensity": self.intensity}
+    def _lightmap(self, lit_by: LitBy) -> Any:
+        content = {"index": self._texture(self.light, lit_by.page, "Radiosity"), "texCoord": 1}
+        content["intensity"] = math.pi * self.light.white
         if lit_by.place is not None:
-            content["extensions"] = {TRANSFORM: extension(TRANSFORM, transform_of(lit_by.place), required=False)}
-        return extension(EXTENSION, content, required=False)
+            content["extensions"] = _transform(lit_by.place)
+        return _extension(EXTENSION, content)
 
-    def _texture(self, page: int) -> Any:
-        if page not in self._textures:
-            gltf = importlib.import_module(f"{ADDON}.io.com.gltf2_io")
+    def _show_painted(self, found: Any, quantity: Quantity, lit_by: LitBy) -> None:
+        pictures = self.painted[quantity]
+        info = _gltf().TextureInfo(
+            extensions=None if lit_by.place is None else _transform(lit_by.place),
+            extras=None,
+            index=self._texture(pictures, lit_by.page, f"Radiosity {quantity.capitalize()}"),
+            tex_coord=1,
+        )
+        if quantity == "reflectance":
+            found.pbr_metallic_roughness.base_color_texture = info
+        else:
+            found.emissive_texture, found.emissive_factor = info, [1.0, 1.0, 1.0]
+            found.extensions[STRENGTH] = _extension(STRENGTH, {"emissiveStrength": pictures.white})
+
+    def _texture(self, pictures: Pictures, page: int, name: str) -> Any:
+        """A page as a texture, whose name tells which it is."""
+        key = f"{name} {page + 1}"
+        if key not in self._textures:
+            gltf = _gltf()
             plain = {"extensions": None, "extras": None, "name": None}
             sampler = gltf.Sampler(**plain, mag_filter=LINEAR, min_filter=LINEAR, wrap_s=CLAMP, wrap_t=CLAMP)
-            named = {**plain, "name": f"Radiosity {page + 1}"}
-            data = _binary_data()(self._pages[page])
-            image = gltf.Image(**named, buffer_view=data, mime_type="image/png", uri=None)
-            self._textures[page] = gltf.Texture(**named, sampler=sampler, source=image)
-        return self._textures[page]
+            data = _binary_data()(pictures.files[page])
+            image = gltf.Image(**{**plain, "name": key}, buffer_view=data, mime_type="image/png", uri=None)
+            self._textures[key] = gltf.Texture(**{**plain, "name": key}, sampler=sampler, source=image)
+        return self._textures[key]
 
 
 def transform_of(place: tuple[float, float, float]) -> dict[str, list[float]]:
@@ -86,13 +120,15 @@ def transform_of(place: tuple[float, float, float]) -> dict[str, list[float]]:
     return {"offset": [u, 1.0 - scale - v], "scale": [scale, scale]}
 
 
-def write_glb(path: Path, lit: LitSet, pages: Sequence[bytes], scale: float, files: Transaction) -> None:
+def write_glb(
+    path: Path, lit: LitSet, light: Pictures, painted: Mapping[Quantity, Pictures], files: Transaction
+) -> None:
     """Write a set as one .glb file, lightmaps inside.
 
     Args:
         path: the file
-        pages: a PNG file each, linear
-        scale: light, H / pi in W/(m2 sr), that their white stands for
+        light: the lightmaps, linear, H / pi in W/(m2 sr)
+        painted: what materials have painted, by sRGB's transfer function
         files: the transaction that the file is part of
 
     Raises:
@@ -101,7 +137,7 @@ def write_glb(path: Path, lit: LitSet, pages: Sequence[bytes], scale: float, fil
     """
     temporary = files.begin(path)
     try:
-        with _hooked(_Lightmaps(lit, pages, math.pi * scale)), _shown(lit.scene):
+        with _hooked(_Lightmaps(lit, light, painted)), _shown(lit.scene):
             bpy.ops.export_scene.gltf(
                 filepath=str(temporary),
                 check_existing=False,
@@ -149,6 +185,18 @@ def read_glb(path: Path) -> dict[str, Any]:
     size = struct.unpack("<I", data[12:16])[0]
     content: dict[str, Any] = json.loads(data[20 : 20 + size])
     return content
+
+
+def _transform(place: tuple[float, float, float]) -> dict[str, Any]:
+    return {TRANSFORM: _extension(TRANSFORM, transform_of(place))}
+
+
+def _extension(name: str, content: dict[str, Any]) -> Any:
+    return importlib.import_module(f"{ADDON}.io.com.gltf2_io_extensions").Extension(name, content, required=False)
+
+
+def _gltf() -> Any:
+    return importlib.import_module(f"{ADDON}.io.com.gltf2_io")
 
 
 def _binary_data() -> Any:

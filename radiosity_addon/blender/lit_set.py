@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..arrays import Float32
+from ..arrays import Float32, Float64
 from ..errors import SceneError
 from .evaluation import at_render_settings
 from .instances import is_instance
@@ -41,13 +41,17 @@ class Part:
         thing: in the set's scene
         name: of the user's object that it shows
         lit_by: where its light lies, None if it has no lightmap
-        uv_map: that places it, of the user's object
+        uv_map: that places it, of the carrier
+        carrier: the object of the user's scene that has the uv map: itself or a stand-in
+        matrix: (4, 4) float64, where it stands
     """
 
     thing: bpy.types.Object
     name: str
     lit_by: LitBy | None = None
     uv_map: str = UV_MAP
+    carrier: bpy.types.Object | None = None
+    matrix: Float64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +125,10 @@ class _Building:
         if original.get(BAKE_KEY) != self.bake or PAGE_KEY not in original:
             return [self._dressed(item, mesh, source)]
         back, place = original.get(BACK_PAGE_KEY), original.get(PLACE_KEY)
-        sides = [(UV_MAP, LitBy(original[PAGE_KEY], None if place is None else tuple(place), back is not None))]
+        place = None if place is None else tuple(place)
+        sides = [(UV_MAP, LitBy(original[PAGE_KEY], place, "both" if back is None else "front"))]
         if back is not None:
-            sides.append((BACK_UV_MAP, LitBy(back, None, True)))
+            sides.append((BACK_UV_MAP, LitBy(back, None, "back")))
         return [
             self._dressed(item, self._with_lightmap(mesh, uv_map, source.name), source, lit_by, uv_map)
             for uv_map, lit_by in sides
@@ -138,13 +143,14 @@ class _Building:
         uv_map: str = UV_MAP,
     ) -> Part:
         matrix = item.matrix_world.copy()
+        stands = np.array(matrix, np.float64)
         if _is_sheared(matrix):
             mesh, matrix = _moved(mesh, matrix), Matrix()
         if not mesh.materials:
             mesh.materials.append(None)
         thing = self._placed(source, mesh, matrix)
         dress(thing, [self.materials.of(worn, lit_by) for worn in materials_of(item.object) or [None]])
-        return Part(thing, source.name, lit_by, uv_map)
+        return Part(thing, source.name, lit_by, uv_map, item.object.original, stands)
 
     def _placed(self, source: bpy.types.Object, data: bpy.types.ID, matrix: Matrix) -> bpy.types.Object:
         thing = bpy.data.objects.new(source.name, data)

@@ -51,13 +51,17 @@ class Glb:
     def lightmap(self, material: dict[str, Any], folder: Path) -> np.ndarray:
         """Irradiance (H, W, 3), W/m2, of a material's MOZ_lightmap, the first row on top."""
         extension = material["extensions"]["MOZ_lightmap"]
-        image = self.content["images"][self.content["textures"][extension["index"]]["source"]]
+        return self.texture(extension["index"], folder) / 255 * extension["intensity"]
+
+    def texture(self, index: int, folder: Path) -> np.ndarray:
+        """The numbers (H, W, 3) of a PNG texture, the first row on top."""
+        image = self.content["images"][self.content["textures"][index]["source"]]
         assert image["mimeType"] == "image/png"
         view = self.content["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
-        path = folder / "lightmap.png"
+        path = folder / "texture.png"
         path.write_bytes(self.data[start : start + view["byteLength"]])
-        return read_image(path)[::-1, :, :3] / 255 * extension["intensity"]
+        return read_image(path)[::-1, :, :3]
 
 
 def read(path: Path) -> Glb:

@@ -12,10 +12,11 @@ import pytest
 from mathutils import Matrix
 
 from radiosity_addon.blender import operators
-from radiosity_addon.blender.export import Handover, export_lightmaps, gltf_pictures
+from radiosity_addon.blender.export import Handover, export_lightmaps, light_pictures
 from radiosity_addon.blender.names import PLACE_KEY
 from radiosity_addon.chunks import finish
 from radiosity_addon.color.spaces import REC709
+from radiosity_addon.color.transfer import srgb_decode
 from radiosity_addon.files import Transaction
 from tests.blender.baked import bake, diffuse, quad, shader
 from tests.blender.glb import Glb, corners, read
@@ -121,26 +122,83 @@ def test_materials_are_the_users_own_not_those_that_show_the_light(tmp_path: Pat
     assert warnings == []
 
 
-def test_pictures_stay_and_what_gltf_cannot_compute_becomes_a_constant_with_a_warning(tmp_path: Path) -> None:
-    painted, marble = (
-        diffuse("Painted", 0.5),
-        shader("Marble", "ShaderNodeBsdfPrincipled", Base_Color=(0.1, 0.2, 0.3, 1)),
-    )
-    picture = painted.node_tree.nodes.new("ShaderNodeTexImage")
-    picture.image = bpy.data.images.new("Picture", 4, 4)
-    picture.image.pack()
-    painted.node_tree.links.new(picture.outputs["Color"], painted.node_tree.nodes["Diffuse BSDF"].inputs["Color"])
-    noise = marble.node_tree.nodes.new("ShaderNodeTexNoise")
-    marble.node_tree.links.new(noise.outputs["Color"], marble.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
-    bake([quad("Floor", painted), quad("Wall", marble)], tmp_path)
+def computed(material: bpy.types.Material, node: str, output: str, into: str) -> bpy.types.Node:
+    """Let a new node feed an input of a material's shader."""
+    tree = material.node_tree
+    source = tree.nodes.new(node)
+    shown = tree.get_output_node("ALL").inputs["Surface"].links[0].from_node
+    tree.links.new(source.outputs[output], shown.inputs[into])
+    return source
+
+
+def test_a_picture_stays_that_picture(tmp_path: Path) -> None:
+    material = diffuse("Painted", 0.5)
+    source = computed(material, "ShaderNodeTexImage", "Color", "Color")
+    source.image = bpy.data.images.new("Picture", 4, 4)
+    source.image.pack()
+    bake([quad("Floor", material)], tmp_path)
     glb, warnings = export(tmp_path)
-    floor, wall = (glb.material_of(glb.primitive(name))["pbrMetallicRoughness"] for name in ("Floor", "Wall"))
+    floor = glb.material_of(glb.primitive("Floor"))["pbrMetallicRoughness"]
     texture = glb.content["textures"][floor["baseColorTexture"]["index"]]
     assert glb.content["images"][texture["source"]]["name"] == "Picture"
     assert floor["baseColorTexture"].get("texCoord", 0) == 0
+    assert warnings == []
+
+
+def test_what_gltf_cannot_compute_becomes_a_constant_and_a_warning_where_there_is_no_lightmap(tmp_path: Path) -> None:
+    marble = shader("Marble", "ShaderNodeBsdfPrincipled", Base_Color=(0.1, 0.2, 0.3, 1))
+    computed(marble, "ShaderNodeTexNoise", "Color", "Base Color")
+    bake([quad("Floor")], tmp_path)
+    quad("Wall", marble)
+    glb, warnings = export(tmp_path)
+    wall = glb.material_of(glb.primitive("Wall"))["pbrMetallicRoughness"]
     assert wall["baseColorFactor"] == pytest.approx([0.1, 0.2, 0.3, 1])
     assert len(warnings) == 1
     assert warnings[0].startswith("Material 'Marble': Base Color of Principled BSDF is driven by Noise")
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_computed_colours_are_painted_where_the_light_lies(tmp_path: Path, shared: bool) -> None:
+    stripes, colors = diffuse("Stripes", 0.5), {"First": (0.2, 0.4, 0.6), "Second": (0.8, 0.1, 0.3)}
+    computed(stripes, "ShaderNodeObjectInfo", "Color", "Color")
+    first = quad("First", stripes)
+    second = bpy.data.objects.new("Second", first.data if shared else first.data.copy())
+    second.location.x = 3
+    bpy.context.scene.collection.objects.link(second)
+    for thing in (first, second):
+        thing.color = (*colors[thing.name], 1)
+    bake_here()
+    glb, warnings = export(tmp_path)
+    for name, color in colors.items():
+        primitive = glb.primitive(name)
+        material = glb.material_of(primitive)
+        info = material["pbrMetallicRoughness"]["baseColorTexture"]
+        assert info["texCoord"] == 1
+        assert info.get("extensions") == material["extensions"]["MOZ_lightmap"].get("extensions")
+        transform = info.get("extensions", {}).get("KHR_texture_transform", {"scale": [1, 1], "offset": [0, 0]})
+        middle = glb.attribute(primitive, "TEXCOORD_1").mean(0) * transform["scale"] + transform["offset"]
+        shown = glb.texture(info["index"], tmp_path)
+        column, row = (middle * len(shown)).astype(int)
+        assert decoded(shown[row, column]) == pytest.approx(color, abs=0.01)
+    assert warnings == []
+
+
+def decoded(shown: np.ndarray) -> np.ndarray:
+    return srgb_decode(shown.astype(np.float32) / 255)
+
+
+def test_computed_glow_is_painted_as_bright_as_it_is(tmp_path: Path) -> None:
+    glow = shader("Glow", "ShaderNodeEmission", Strength=4.0)
+    computed(glow, "ShaderNodeObjectInfo", "Color", "Color")
+    lamp = quad("Lamp", glow)
+    lamp.color = (0.5, 0.25, 1, 1)
+    bake_here()
+    glb, _ = export(tmp_path)
+    material = glb.material_of(glb.primitive("Lamp"))
+    strength = material["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
+    shown = glb.texture(material["emissiveTexture"]["index"], tmp_path)
+    brightest = decoded(shown.reshape(-1, 3).max(0)) * material["emissiveFactor"] * strength
+    assert brightest == pytest.approx([2, 1, 4], rel=0.02)
 
 
 def test_objects_that_share_a_mesh_share_it_in_the_file_and_each_finds_its_own_light(tmp_path: Path) -> None:
@@ -232,8 +290,7 @@ def test_pictures_span_all_light_but_a_thousandth_of_the_texels() -> None:
     page = np.full((100, 100, 3), 0.2, np.float32)
     page[0, :10] = 50.0  # a thousandth
     page[1, :5] = 0.8
-    _, scale = gltf_pictures([page], REC709)
-    assert scale == pytest.approx(0.8)
+    assert light_pictures([page], REC709).white == pytest.approx(0.8)
 
 
 def test_the_cornell_box_read_back_looks_as_the_baked_scene(tmp_path: Path) -> None:
@@ -276,7 +333,7 @@ def show_lightmaps(glb: Glb, folder: Path) -> None:
     for material in bpy.data.materials:
         extension = known[material.name]["extensions"]["MOZ_lightmap"]
         glb.lightmap(known[material.name], folder)  # leaves its file in the folder
-        image = bpy.data.images.load(str(folder / "lightmap.png"))
+        image = bpy.data.images.load(str(folder / "texture.png"))
         image.colorspace_settings.name = "Non-Color"
         tree = material.node_tree
         uv, texture, product, emission = (
