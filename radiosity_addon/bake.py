@@ -10,7 +10,7 @@ import numpy as np
 
 from .arrays import Bools, Float32, Int32, Int64
 from .atlas.unwrap import Atlas, build_atlas
-from .chunks import Fractions, scaled
+from .chunks import Fractions, scaled, while_aside
 from .errors import SceneError
 from .gather.final_gather import final_gather
 from .geometry.appearance import Appearance, appearance_of
@@ -29,17 +29,20 @@ from .pages.lightmap import compose
 from .radiosity.bounces import clamped
 from .radiosity.exchange import Start, exchange_light
 from .radiosity.facing import looking_away
+from .radiosity.first_light import FirstLight
 from .radiosity.illumination import (
     Illumination,
     cell_radiance,
     world_radiance,
 )
+from .radiosity.patches import NOTHING
 from .radiosity.relaxation import Balance
 from .radiosity.subdivision import patch_edges
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
 from .stages import Progress, Stage, StageLog
+from .viewing import LiveLight, Satisfied, Viewer, show_first_light
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +54,14 @@ class Baked:
         pages: (S, S, 3) float32 each, W/(m2 sr), row 0 at v = 0: H / pi
         mesh_texels: (M,) texels of each mesh
         texels: covered texels on the pages
-        patches: number of patches
+        patches: number of patches; 0 if the bake was ended before there were any
         rays: all rays traced
         residual: unshot share of the emitted power when the solver stopped
         residuals: the same at the start and after every step
-        balance: where the light between patches has gone
+        balance: where the light between patches has gone; None if none went
         elements: the texels, those of hidden pages after the others
         patch: (T,) int32, patch of each texel, negative for none
+        ended_in: the stage in which the viewer was satisfied; "" if the bake went to its end
     """
 
     atlas: Atlas
@@ -68,11 +72,12 @@ class Baked:
     rays: int
     residual: float
     residuals: tuple[float, ...]
-    balance: Balance
+    balance: Balance | None
     elements: Texels
     patch: Int32
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...]
+    ended_in: str = ""
 
 
 PAIRED_PATCHES = 1200
@@ -85,11 +90,14 @@ LEAST_PATCHES = 2500
 """Patches of the smallest scenes: fewer would save no time worth having."""
 
 
-def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> Generator[Progress, None, Baked]:
+def bake(
+    scene: Scene, settings: BakeSettings, shade: Shader | None = None, viewer: Viewer | None = None
+) -> Generator[Progress, None, Baked]:
     """Bake a scene. Closing the generator cancels the bake.
 
     Args:
         shade: tells how surfaces look whose materials vary; without it they have their constants all over
+        viewer: sees the light while it becomes better, and may end the bake with what there is
 
     Raises:
         BakeError: if the scene can't be baked
@@ -98,7 +106,7 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
         raise SceneError("Scene", "there is no surface to bake", "Add a mesh, or enable it for rendering")
     log = StageLog()
     every_side = with_backs(scene)
-    atlas = yield from log.stage("Unwrap", build_atlas(every_side, settings))
+    atlas, first = yield from log.stage("Unwrap", _places(every_side, settings, viewer))
     surfaces = flatten(every_side)
     fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
@@ -111,45 +119,73 @@ def bake(scene: Scene, settings: BakeSettings, shade: Shader | None = None) -> G
     suns = () if sky is None else sky.suns
     lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
     groups = len(scene.groups)
-    direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
     wanted = texels.pixel < atlas.page_count * atlas.size**2
-    opacity = opacity_of(texels, transmittance)
-    if opacity is not None:
-        look = look.stopped(opacity)
-    start = Start(scene, texels, walls, solid, look, opacity, lamps, sky, direct)
-    exchange = yield from exchange_light(start, _patches_for(wanted, settings), visibility, settings, log)
-    patches, solution = exchange.patches, exchange.solution
-    bounced = clamped(direct, look.reflectance, settings.clamp_indirect)
-    light = Illumination(
-        look=look, direct=bounced, passes=exchange.passes, world=world_radiance(scene), sky=cell_radiance(sky, scene)
-    )
-    if settings.final_gather:
-        indirect = yield from log.stage("Gather", final_gather(texels, patches, light, wanted, visibility, settings))
-    else:
-        indirect = light.irradiance_of_patches(patches)
-    irradiance = clamped(direct, look.reflectance, settings.clamp_direct) + indirect
-    if settings.show_patches:
-        irradiance[patch_edges(patches)] *= EDGE_SHADE
+    live = LiveLight(viewer, first, atlas, texels, look)
+    log.viewer, exchange, ended_in = viewer, None, ""
+    try:
+        direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
+        live.update(direct=lambda: direct)
+        opacity = opacity_of(texels, transmittance)
+        if opacity is not None:
+            look = look.stopped(opacity)
+        start = Start(scene, texels, walls, solid, look, opacity, lamps, sky, direct)
+        exchange = yield from exchange_light(start, _patches_for(wanted, settings), visibility, settings, log)
+        patches = exchange.patches
+        light = Illumination(
+            look=look,
+            direct=clamped(direct, look.reflectance, settings.clamp_indirect),
+            passes=exchange.passes,
+            world=world_radiance(scene),
+            sky=cell_radiance(sky, scene),
+        )
+        if settings.final_gather:
+            live.exchanged(lambda: light.irradiance_of_patches(patches))
+            gather = final_gather(texels, patches, light, wanted, visibility, settings, live.gathered)
+            indirect = yield from log.stage("Gather", gather)
+        else:
+            indirect = light.irradiance_of_patches(patches)
+        live.update(indirect=lambda: indirect)
+        irradiance = clamped(direct, look.reflectance, settings.clamp_direct) + indirect
+    except Satisfied as stage:
+        irradiance, ended_in = live.irradiance(), str(stage)
+    if settings.show_patches and exchange is not None:
+        irradiance[patch_edges(exchange.patches)] *= EDGE_SHADE
+    log.viewer = None
     pages = yield from log.stage("Pages", _pages(texels, irradiance, atlas))
-    away = looking_away(patches, solution.radiosity, every_side.meshes)
-    warnings = (*scene.warnings, *atlas.warnings, *warnings, *away)
-    if not solution.converged and settings.most_steps is None:
-        warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
+    warnings = (*scene.warnings, *atlas.warnings, *warnings)
+    if exchange is not None:
+        warnings += looking_away(exchange.patches, exchange.solution.radiosity, every_side.meshes)
+        if not exchange.solution.converged and settings.most_steps is None:
+            warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
+    if ended_in:
+        warnings += (f"The bake was stopped by hand in stage {ended_in}: its light is coarse",)
     return Baked(
         atlas=atlas,
         pages=pages,
         mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:, 0]], minlength=len(every_side.meshes)),
         texels=int(np.count_nonzero(wanted)),
-        patches=patches.count,
+        patches=exchange.patches.count if exchange is not None else 0,
         rays=visibility.traced,
         residual=log.residual,
-        residuals=solution.residuals,
-        balance=solution.balance,
+        residuals=exchange.solution.residuals if exchange is not None else (),
+        balance=exchange.solution.balance if exchange is not None else None,
         elements=texels,
-        patch=patches.of_element[: texels.count],
+        patch=exchange.patches.of_element[: texels.count]
+        if exchange is not None
+        else np.full(texels.count, NOTHING, np.int32),
         stages=tuple(log.stages),
         warnings=warnings,
+        ended_in=ended_in,
     )
+
+
+def _places(
+    scene: Scene, settings: BakeSettings, viewer: Viewer | None
+) -> Generator[float, None, tuple[Atlas, FirstLight | None]]:
+    """Where surfaces lie; while charts are made, a viewer gets something to see."""
+    if viewer is None:
+        return (yield from build_atlas(scene, settings)), None
+    return (yield from while_aside(build_atlas(scene, settings), show_first_light(scene, viewer)))
 
 
 def _transmittance(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work cut into chunks of fixed size and run on a pool of threads.
+"""Work cut into chunks of fixed size and run on a pool of threads, and work that a thread does aside.
 
 The chunks depend on the amount of work alone, never on the number of threads, and results come back in
 order, so that a bake's result does not depend on the machine's load. The kernels release the GIL.
@@ -7,12 +7,15 @@ order, so that a bake's result does not depend on the machine's load. The kernel
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TypeVar
+from typing import Generic, TypeVar
 
+S = TypeVar("S")
 T = TypeVar("T")
+U = TypeVar("U")
 
 Fractions = Generator[float, None, T]
 """Yields the share done, 0..1; returns a result."""
@@ -66,4 +69,48 @@ def scaled(steps: Generator[float, None, T], low: float, high: float) -> Generat
                 return result
             yield low + (high - low) * share
     finally:
+        steps.close()
+
+
+class Aside(Generic[S, T]):
+    """A generator that a thread of its own runs to its end.
+
+    Attributes:
+        latest: what it yielded last, None before
+        outcome: its result, or what it raised
+    """
+
+    def __init__(self, steps: Generator[S, None, T]) -> None:
+        self.latest: S | None = None
+        self.outcome: Future[T] = Future()
+        self._steps = steps
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="radiosity aside")
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            while not self._stopped.is_set():
+                self.latest = next(self._steps)
+        except StopIteration as stop:
+            self.outcome.set_result(stop.value)
+        except BaseException as failure:  # noqa: BLE001 it is raised where the outcome is asked for
+            self.outcome.set_exception(failure)
+        finally:
+            self._steps.close()
+
+    def stop(self, seconds: float | None = None) -> None:
+        """Close the generator after the step that it is in, and wait for that, but no longer than some seconds."""
+        self._stopped.set()
+        self._thread.join(seconds)
+
+
+def while_aside(steps: Generator[S, None, T], work: Generator[object, None, U]) -> Generator[S, None, tuple[T, U]]:
+    """The same steps, while a thread does other work; the results of both."""
+    aside = Aside(work)
+    try:
+        result = yield from steps
+        return result, aside.outcome.result()
+    finally:
+        aside.stop()
         steps.close()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from .geometry.visibility import Tally, Visibility
+from .viewing import Satisfied, Viewer
 
 T = TypeVar("T")
 
@@ -24,6 +25,9 @@ STAGES = {
     "Pages": 0.03,
 }
 """Stages and their usual shares of the time."""
+
+AFTER_THE_LIGHT = ("Pages", "Write files", "Write back")
+"""Stages of a whole bake in which nothing is left to be spared."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,15 @@ class Stage:
 
 
 class StageLog:
-    """Where a bake is, and what its stages took."""
+    """Where a bake is, and what its stages took.
+
+    Attributes:
+        viewer: who may end a stage once there is something to show; None: nobody
+    """
 
     def __init__(self) -> None:
         self.stages: list[Stage] = []
+        self.viewer: Viewer | None = None
         self.visibility: Visibility | None = None
         self.residual = 1.0
         self._before = 0.0
@@ -89,7 +98,11 @@ class StageLog:
         return self.visibility.traced if self.visibility else 0
 
     def stage(self, name: str, steps: Generator[float, None, T]) -> Generator[Progress, None, T]:
-        """Run a stage; its time is all that passed since the last one ended. One that comes again adds to the first."""
+        """Run a stage; its time is all that passed since the last one ended. One that comes again adds to the first.
+
+        Raises:
+            Satisfied: the viewer is
+        """
         before = next((stage for stage in self.stages if stage.name == name), None)
         share, done = 0.0 if before else STAGES[name], 0.0
         try:
@@ -101,6 +114,8 @@ class StageLog:
                     result: T = stop.value
                     break
                 yield Progress(name, self._before + share * min(done, 1.0), self.residual, self.rays)
+                if self.viewer is not None and self.viewer.satisfied:
+                    raise Satisfied(name)
         finally:
             steps.close()
         self._before += share

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from radiosity_addon.chunks import finish, in_chunks, scaled
+from radiosity_addon.chunks import finish, in_chunks, scaled, while_aside
 
 
 def shares(steps):
@@ -113,3 +113,42 @@ def test_closing_scaled_closes_what_is_inside():
     next(outer)
     outer.close()
     assert closed == [True]
+
+
+def slowly(count, seen, raises=None):
+    for step in range(count):
+        seen.append(step)
+        time.sleep(0.01)
+        yield
+    if raises is not None:
+        raise raises
+    return "done"
+
+
+def test_work_is_done_aside_while_steps_are_taken():
+    seen = []
+    steps, result = shares(while_aside(iter_steps(), slowly(3, seen)))
+    assert steps == [0.5, 1.0]
+    assert result == ("stepped", "done")
+    assert seen == [0, 1, 2]
+
+
+def iter_steps():
+    yield 0.5
+    yield 1.0
+    return "stepped"
+
+
+def test_what_is_raised_aside_is_raised_in_the_end():
+    with pytest.raises(ZeroDivisionError):
+        finish(while_aside(iter_steps(), slowly(1, [], raises=ZeroDivisionError())))
+
+
+def test_closing_ends_what_is_done_aside():
+    seen = []
+    work = slowly(1000, seen)
+    steps = while_aside(iter_steps(), work)
+    next(steps)
+    steps.close()
+    assert len(seen) < 1000
+    assert work.gi_frame is None, "it was closed"

@@ -11,8 +11,8 @@ import bpy
 from ..errors import explained
 from .last_bake import write_last_report
 from .names import REPORT_KEY, is_baked
-from .operators import Running
 from .originals import show_bake, show_originals, shows_originals
+from .running import Running
 
 
 class RADIOSITY_OT_toggle(bpy.types.Operator):

@@ -5,27 +5,31 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import bpy
 
 from ..bake import Baked, bake
+from ..color.spaces import RGBSpace
 from ..errors import SceneError
 from ..files import Transaction
 from ..geometry.sides import backs_of
 from ..pages.page_files import PageFiles, page_paths, sidecar_path, write_pages, write_sidecar
 from ..pages.page_format import PageFormat
-from ..reports.overview import overview
+from ..reports.overview import Overview, overview
 from ..reports.report import BakedObject, Page, Report
 from ..reports.texel_maps import packed, texel_map
 from ..settings import BakeSettings
 from ..stages import NO_RAYS, Progress
+from ..viewing import Viewer
+from .background import MainThread, in_thread
 from .cycles_shader import CyclesShader
 from .extract import extract_scene
+from .extraction import Extraction
 from .last_bake import keep_report
 from .names import TEXELS_KEY
 from .write_back import write_back
@@ -36,6 +40,9 @@ BAKING_SHARE = 0.94
 """Share for the core; writing files and materials takes the rest."""
 LEAST_TOLD = 0.001
 """Share of texels outside of what files can hold from which on the user hears of it."""
+
+
+Seat: TypeAlias = Callable[[bpy.types.Scene, Extraction], Viewer]
 
 
 @dataclass(frozen=True)
@@ -61,11 +68,17 @@ class Job:
     looked_at: bool = False
 
 
-def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generator[Progress, None, Report]:
+def bake_scene(
+    scene: bpy.types.Scene, job: Job, files: Transaction, seat: Seat | None = None
+) -> Generator[Progress, None, Report]:
     """Bake a scene and show the light in it.
 
     Closing the generator, or an error, leaves the scene as it was found. The pages are put in place; whether they
     stay is decided by `files`.
+
+    Args:
+        seat: gives who looks on a place, once it is known what there will be to see; all that needs no Blender then
+            runs in threads, and steps are short
 
     Raises:
         BakeError: with the object or file, the cause and the remedy
@@ -79,19 +92,19 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         yield Progress("Read scene", 0.0)
         extraction = extract_scene(scene, job.objects or None)
         read = time.perf_counter()
-        baked = yield from _scaled(bake(extraction.scene, job.settings, CyclesShader(scene, extraction)))
+        shader = CyclesShader(scene, extraction)
+        begun = Progress("Unwrap", READING_SHARE)
+        if seat is None:
+            baked = yield from _scaled(bake(extraction.scene, job.settings, shader))
+        else:
+            main = MainThread()
+            steps = bake(extraction.scene, job.settings, main.runs(shader), seat(scene, extraction))
+            baked = yield from in_thread(_scaled(steps), begun, main)
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
-        yield last
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
-        working, workers = extraction.scene.working_space, job.settings.workers
-        wanted = job.page_format
-        written = write_pages(baked.pages, paths, wanted, working, files, workers)
-        if job.folder is not None and wanted.format != "exr":  # an EXR says by itself what it holds
-            write_sidecar(sidecar_path(folder, job.stem), paths, written.recipe, files)
-        seen = None
-        if job.looked_at:
-            seen = overview(baked.pages, baked.elements, paths, written, wanted, working, workers)
+        writing = _written(last, job, folder, paths, baked, extraction.scene.working_space, files)
+        written, seen, maps = yield from writing if seat is None else in_thread(writing, last, wait=None)
         on_disk = time.perf_counter()
         yield replace(last, stage="Write back")
         scene = _still_there(scene_name)
@@ -104,8 +117,7 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
             mode=job.write_back,
             pack=job.folder is None,
         )
-        for page, row in enumerate(images):
-            kept = packed(texel_map(baked.elements, baked.patch, page))
+        for row, kept in zip(images, maps, strict=True):
             bpy.data.images[row["image"]][TEXELS_KEY] = kept
     end = time.perf_counter()
     own = range(len(extraction.sources))
@@ -133,16 +145,44 @@ def bake_scene(scene: bpy.types.Scene, job: Job, files: Transaction) -> Generato
         tracing=sum((stage.tally for stage in baked.stages), NO_RAYS),
         residual=baked.residual,
         name=job.stem,
-        working_space=working,
+        working_space=extraction.scene.working_space,
         settings=job.settings,
         residuals=baked.residuals,
         balance=baked.balance,
         overview=seen,
         files=written,
-        warnings=[*baked.warnings, *_clamped_warnings(paths, written.clamped, wanted), *_mapped_warning(written)],
+        warnings=[
+            *baked.warnings,
+            *_clamped_warnings(paths, written.clamped, job.page_format),
+            *_mapped_warning(written),
+        ],
+        ended_in=baked.ended_in,
     )
     keep_report(scene, report)
     return report
+
+
+def _written(
+    last: Progress,
+    job: Job,
+    folder: Path,
+    paths: Sequence[Path],
+    baked: Baked,
+    working: RGBSpace,
+    files: Transaction,
+) -> Generator[Progress, None, tuple[PageFiles, Overview | None, list[bytes]]]:
+    """Write the pages, look at them if that is wanted, and pack what each texel was for the overlays."""
+    yield last
+    wanted, workers = job.page_format, job.settings.workers
+    written = write_pages(baked.pages, paths, wanted, working, files, workers)
+    if job.folder is not None and wanted.format != "exr":  # an EXR says by itself what it holds
+        write_sidecar(sidecar_path(folder, job.stem), paths, written.recipe, files)
+    yield last
+    maps = [packed(texel_map(baked.elements, baked.patch, page)) for page in range(len(baked.pages))]
+    yield last
+    if not job.looked_at:
+        return written, None, maps
+    return written, overview(baked.pages, baked.elements, paths, written, wanted, working, workers), maps
 
 
 def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:

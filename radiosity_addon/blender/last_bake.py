@@ -30,11 +30,12 @@ _machine: dict[str, float] = {}
 
 def keep_report(scene: bpy.types.Scene, report: Report) -> None:
     """Keep a bake's report on its scene."""
+    told = slowness(scene) if report.ended_in else slowness_of(report.seconds, report.texels, report.settings.quality)
     folder = next((page.file.parent for page in report.pages if page.file), Path.cwd())
     scene[REPORT_KEY] = {
         "summary": report.summary(),
         "warnings": "\n".join(warning.replace("\n", " ") for warning in report.warnings),
-        "slowness": slowness_of(report.seconds, report.texels, report.settings.quality),
+        "slowness": told,
         "report": report.as_json(folder),
     }
 

@@ -14,36 +14,18 @@ import bpy
 from ..chunks import finish
 from ..errors import BakeError, explained
 from ..files import Transaction
-from ..progress import describe
 from ..reports.report import Report
 from ..stages import Progress
-from .job import Job, bake_scene
-from .last_bake import learn
+from .job import Job, Seat, bake_scene
+from .last_bake import keep_report, learn
 from .names import is_baked
 from .revert import revert
+from .running import Running
 
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
-WORK_SECONDS = 0.04
-"""Time of a tick that is spent on the bake, less than makes a window feel slow."""
-MAX_WORK_SECONDS = 0.25
-"""Where drawing the window takes longer than that, the bake gets half of the time, in turns of this at most."""
-REDRAW_SECONDS = 0.2
-"""Drawing takes time from the bake."""
-
-
-class Running:
-    """The bake that is going on in a window, of which there is one at most."""
-
-    progress: Progress | None = None
-    start = 0.0
-    drawn = 0.0
-    paused = 0.0
-
-    @classmethod
-    def text(cls) -> str:
-        """How far it is, in words."""
-        return describe(cls.progress, time.perf_counter() - cls.start) if cls.progress else ""
+WORK_SECONDS = 0.02
+"""Time of a tick that is spent on what only the main thread can do, where that comes in steps."""
 
 
 class RADIOSITY_OT_bake(bpy.types.Operator):
@@ -70,48 +52,50 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
-        self._steps = bake_in_place(context.scene)
-        Running.start = Running.paused = time.perf_counter()
-        Running.progress = Progress("Read scene", 0.0)
+        self._steps = bake_in_place(context.scene, Running.seat)
         self._timer = context.window_manager.event_timer_add(TICK_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
-        bpy.types.STATUSBAR_HT_header.append(draw_progress)
+        Running.begin()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if Running.cancelled or (event.type == "ESC" and event.value == "PRESS"):
             self.cancel(context)
             self.report({"INFO"}, "Bake cancelled, nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        now = time.perf_counter()
-        end = now + min(max(WORK_SECONDS, now - Running.paused), MAX_WORK_SECONDS)
         try:
-            while time.perf_counter() < end:
-                Running.progress = next(self._steps)
+            self._take_turn()
         except StopIteration as stop:
+            report = Running.told(stop.value)
             self.cancel(context)
-            return self._finished(stop.value)
+            keep_report(context.scene, report)
+            return self._finished(report)
         except Exception as error:  # noqa: BLE001 whatever it is, the user gets one line
             self.cancel(context)
             return self._failed(error)
         except BaseException:
             self.cancel(context)
             raise
-        if end - Running.drawn > REDRAW_SECONDS:
-            Running.drawn = end
-            redraw(context)
-        Running.paused = time.perf_counter()
+        Running.redraw(context)
         return {"PASS_THROUGH"}
+
+    def _take_turn(self) -> None:
+        """Go on until nothing is new, because another thread is at work, or it is the window's turn."""
+        began, before, stage = time.perf_counter(), None, Running.progress.stage
+        try:
+            while Running.progress is not before and time.perf_counter() < began + WORK_SECONDS:
+                before = Running.progress
+                Running.progress = next(self._steps)
+        finally:
+            Running.turned(stage, began)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """End the bake; Blender calls this too, when another file is opened or the program quits."""
         self._steps.close()
-        Running.progress = None
         context.window_manager.event_timer_remove(self._timer)
-        bpy.types.STATUSBAR_HT_header.remove(draw_progress)
-        redraw(context)
+        Running.end(context)
 
     def _failed(self, error: Exception) -> set[str]:
         if not isinstance(error, BakeError):
@@ -148,8 +132,47 @@ class RADIOSITY_OT_revert(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def bake_in_place(scene: bpy.types.Scene) -> Generator[Progress, None, Report]:
-    """Bake a scene of the open file with its own settings; pages lie beside the file, or in it while it is unsaved."""
+class RADIOSITY_OT_stop(bpy.types.Operator):
+    """End the running bake now, and keep the light as it is shown"""
+
+    bl_idname = "radiosity.stop"
+    bl_label = "Stop Here and Keep It"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not Running.can_stop():
+            cls.poll_message_set("There is no light to keep yet, or nothing more to wait for")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        Running.view.satisfied = True
+        return {"FINISHED"}
+
+
+class RADIOSITY_OT_cancel(bpy.types.Operator):
+    """End the running bake, and leave everything as it was before"""
+
+    bl_idname = "radiosity.cancel"
+    bl_label = "Cancel"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return Running.progress is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        Running.cancelled = True
+        return {"FINISHED"}
+
+
+def bake_in_place(scene: bpy.types.Scene, seat: Seat | None = None) -> Generator[Progress, None, Report]:
+    """Bake a scene of the open file with its own settings; pages lie beside the file, or in it while it is unsaved.
+
+    Args:
+        seat: as of bake_scene, for whoever looks on
+    """
     settings = scene.radiosity
     opened = Path(bpy.data.filepath) if bpy.data.is_saved else None
     job = Job(
@@ -160,9 +183,10 @@ def bake_in_place(scene: bpy.types.Scene) -> Generator[Progress, None, Report]:
         page_format=settings.files.page_format(),
     )
     with Transaction() as files:
-        report = yield from bake_scene(scene, job, files)
+        report = yield from bake_scene(scene, job, files, seat)
         files.commit()
-    learn(report)
+    if not report.ended_in:
+        learn(report)
     return report
 
 
@@ -174,27 +198,7 @@ def _textures(chosen: str, opened: Path | None) -> Path | None:
     return Path(bpy.path.abspath(chosen)).resolve()
 
 
-def draw_progress(self: bpy.types.Header, context: bpy.types.Context) -> None:
-    """The bake's progress in the status bar."""
-    if Running.progress is not None:
-        row = self.layout.row()
-        row.ui_units_x = 20
-        row.progress(factor=Running.progress.fraction, text=Running.text())
-
-
-def redraw(context: bpy.types.Context) -> None:
-    """Draw the status bar and the places of our panels anew, not what is slow to draw."""
-    if context.workspace is not None:
-        context.workspace.status_text_set(None)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            place = {"PROPERTIES": "WINDOW", "VIEW_3D": "UI"}.get(area.type)
-            for region in area.regions:
-                if region.type == place:
-                    region.tag_redraw()
-
-
-CLASSES = (RADIOSITY_OT_bake, RADIOSITY_OT_revert)
+CLASSES = (RADIOSITY_OT_bake, RADIOSITY_OT_stop, RADIOSITY_OT_cancel, RADIOSITY_OT_revert)
 
 
 def register() -> None:

@@ -15,9 +15,9 @@ from ..reports.report import count_of
 from .inspection import subject_of
 from .last_bake import summary, warnings
 from .names import REPORT_KEY, is_baked
-from .operators import Running
 from .originals import shows_originals
 from .presets import RADIOSITY_PT_presets
+from .running import Running
 from .scene_check import Checked, expected
 
 ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
@@ -34,7 +34,8 @@ def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Bake, toggle and revert, or the progress of a running bake."""
     if Running.progress is not None:
         layout.progress(factor=Running.progress.fraction, text=Running.text())
-        layout.label(text="Esc cancels", icon="CANCEL")
+        layout.operator("radiosity.stop", icon="CHECKMARK")
+        layout.operator("radiosity.cancel", text="Cancel (Esc)", icon="X")
         return
     baked = is_baked(scene)
     button = layout.row()

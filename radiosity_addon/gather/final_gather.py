@@ -8,9 +8,11 @@ steps from corners. All light groups and channels are further columns of the sam
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ..arrays import Bools, Float32
+from ..arrays import Bools, Float32, Int32
 from ..chunks import Fractions, scaled
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
@@ -30,8 +32,14 @@ def final_gather(
     wanted: Bools,
     visibility: Visibility,
     settings: BakeSettings,
+    gathered: Callable[[Float32, Int32], None] | None = None,
 ) -> Fractions[Float32]:
-    """Indirect irradiance, W/m2, (T, G, 3) float32, at the texels `wanted` (T,)."""
+    """Indirect irradiance, W/m2, (T, G, 3) float32, at the texels `wanted` (T,).
+
+    Args:
+        gathered: is told what gather points received, (P, 3 G), and which of them stands for each texel, (T,), after
+            each pass
+    """
     steps, workers = settings.steps, settings.workers
     lit = wanted & texels.valid
     extent = float(texels.area[lit].sum(dtype=np.float64))
@@ -49,6 +57,8 @@ def final_gather(
         table = light.radiance(number, patches, irradiance if number else None, points.cell)
         low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
         irradiance = yield from scaled(tally.sum(table, workers), low, high)
+        if gathered is not None:
+            gathered(irradiance, points.cell)
     del table, tally
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)

@@ -72,6 +72,26 @@ class BakedObject:
 
 
 @dataclass(frozen=True)
+class Stalls:
+    """How alive a window was during a bake.
+
+    Attributes:
+        longest: by stage, seconds of the longest turn that the bake took before it gave the window back
+        gap: seconds of the longest time between two turns, in which the window draws itself
+        first_light: seconds from the click to the first picture of the light on the screen; None: there was none
+    """
+
+    longest: Mapping[str, float]
+    gap: float = 0.0
+    first_light: float | None = None
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The stage with the longest turn, and its seconds."""
+        return max(self.longest.items(), key=lambda item: item[1], default=("", 0.0))
+
+
+@dataclass(frozen=True)
 class Report:
     """One bake.
 
@@ -90,6 +110,8 @@ class Report:
         overview: the light in figures and maps, if it was looked at
         files: what the page files hold
         before, after: pictures of the scene
+        ended_in: the stage in which the bake was stopped by hand and kept; "" if it went to its end
+        stalls: how long a window had to wait, where a bake ran in one
     """
 
     pages: Sequence[Page]
@@ -112,12 +134,15 @@ class Report:
     files: PageFiles | None = None
     before: Path | None = None
     after: Path | None = None
+    ended_in: str = ""
+    stalls: Stalls | None = None
 
     def summary(self) -> str:
         """What was baked, in one line."""
         width, height = self.pages[0].size
         objects, pages = count_of(len(self.objects), "object"), count_of(len(self.pages), "page")
-        return f"Baked {objects} on {pages} of {width} x {height} in {self.seconds:.1f} s"
+        stopped = f", stopped in stage {self.ended_in}" if self.ended_in else ""
+        return f"Baked {objects} on {pages} of {width} x {height} in {self.seconds:.1f} s{stopped}"
 
     def as_json(self, folder: Path, home: Path | None = None) -> str:
         """The report as JSON, with paths relative to a folder.
@@ -152,6 +177,8 @@ class Report:
             "patches": int(self.patches),
             "rays": int(self.rays),
             "tracing": asdict(self.tracing),
+            "ended_in": self.ended_in or None,
+            "window": self._stalls_as_dict(),
             "residual": _finite(self.residual),
             "residuals": [_finite(residual) for residual in thinned(self.residuals)],
             "balance": self._balance_as_dict(),
@@ -160,6 +187,18 @@ class Report:
             "warnings": list(self.warnings),
         }
         return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def _stalls_as_dict(self) -> dict[str, Any] | None:
+        if self.stalls is None:
+            return None
+        stage, seconds = self.stalls.worst
+        return {
+            "longest_stall_s": round(seconds, 4),
+            "longest_stall_in": stage,
+            "stalls_s": {name: round(longest, 4) for name, longest in self.stalls.longest.items()},
+            "longest_gap_s": round(self.stalls.gap, 4),
+            "first_light_s": None if self.stalls.first_light is None else round(self.stalls.first_light, 4),
+        }
 
     def _files_as_dict(self) -> dict[str, Any] | None:
         if self.files is None:

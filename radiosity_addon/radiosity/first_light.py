@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First light: a coarse solution of the whole scene in a moment, before any surface has its place on a page.
+
+Radiosity as it began (Cohen and Greenberg 1985): light is taken at vertices, bounces between patches of them, and is
+shown by their colours. It shows a room while charts are made, and tells what is not known yet of a bake that is ended
+early; nothing of it enters one that is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..arrays import Float32, Int32, Int64
+from ..geometry.sides import seen_side
+from ..geometry.surfaces import flatten
+from ..geometry.texels import Texels
+from ..geometry.transmittance import transmittance_of
+from ..geometry.visibility import Visibility
+from ..lighting.glow import glow_of
+from ..lighting.lights import Lamps, irradiance_at, lamps_of
+from ..lighting.sky import Sky, cells, sky_of
+from ..sampling import cosine_directions, even_uniform
+from ..scene import Scene
+from .vertices import Vertices, cell_names, place_vertices
+
+SPACINGS = 3000
+"""Squares of a vertex spacing that all surfaces together hold."""
+
+MOST_SAMPLES = 24_000
+"""Samples of the light, at most."""
+
+SAMPLES_AT_ONCE = 4096
+"""Samples lit in one go: a tenth of a second in a room of many lamps."""
+
+SHADOW_RAYS = 4
+"""Of a sample and lamp."""
+
+PATCH_WIDTH = 2.0
+"""Of patches, in vertex spacings."""
+
+RAYS = 48
+"""Of a patch."""
+
+BOUNCES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLight:
+    """Light at S samples, light groups added up.
+
+    Attributes:
+        vertices: where the samples are
+        direct, indirect: (S, 3) float32, W/m2, irradiance from lamps and from everything else
+        reflectance: (S, 3) float32
+        emission: (S, 3) float32, W/(m2 sr)
+    """
+
+    vertices: Vertices
+    direct: Float32
+    indirect: Float32
+    reflectance: Float32
+    emission: Float32
+
+    @property
+    def radiance(self) -> Float32:
+        """What the samples send out, (S, 3), W/(m2 sr)."""
+        return (self.direct + self.indirect) * self.reflectance / np.float32(np.pi) + self.emission
+
+    def at(self, texels: Texels) -> tuple[Float32, Float32]:
+        """Direct and indirect irradiance at texels, (T, 3) each, W/m2."""
+        return self._between(self.direct, texels), self._between(self.indirect, texels)
+
+    def emission_at(self, texels: Texels) -> Float32:
+        """What texels emit, lamps or not, (T, 3), W/(m2 sr)."""
+        return self.emission[self._samples(texels)]
+
+    def smoothed(self, texels: Texels, values: Float32) -> Float32:
+        """Values (T, 3) of texels as means about each vertex, linear in between; first light where there are none."""
+        sample = self._samples(texels)
+        means = self.indirect.copy()
+        number = np.bincount(sample, texels.valid, self.vertices.count)
+        known = number > 0
+        for channel, found in zip(values.T, means.T, strict=True):
+            found[known] = np.bincount(sample, channel * texels.valid, self.vertices.count)[known] / number[known]
+        return self._between(means, texels)
+
+    def _samples(self, texels: Texels) -> Int32:
+        return self.vertices.at(texels.triangle[:, 0], texels.barycentric[:, 0])
+
+    def _between(self, values: Float32, texels: Texels) -> Float32:
+        return self.vertices.between(values, texels.triangle[:, 0], texels.barycentric[:, 0])
+
+
+def first_light(scene: Scene) -> Generator[None, None, FirstLight]:
+    """The light of a scene, backs included, at the vertices of its triangles; materials are alike all over."""
+    surfaces = flatten(scene)
+    fronts = surfaces.without_backs()
+    scene = scene.moved(-surfaces.origin)
+    yield
+    visibility = Visibility(
+        fronts.corners, transmittance_of(scene, fronts, None, 0.0), surfaces.offset, fronts.met, fronts.casts
+    )
+    yield
+    sky = sky_of(scene.world)
+    lamps = lamps_of(scene, fronts, () if sky is None else sky.suns, glow_of(scene, fronts, None)[0])
+    yield
+    spacing = float(np.sqrt(surfaces.area.sum() / SPACINGS))
+    vertices = place_vertices(surfaces, spacing, MOST_SAMPLES)
+    yield
+    direct = yield from _direct(lamps, vertices, visibility, len(scene.groups))
+    triangle = vertices.triangle[vertices.seat]
+    material = surfaces.material[triangle]
+    reflectance = np.array([entry.reflectance for entry in scene.materials], np.float32)[material]
+    emission = np.array([entry.emission for entry in scene.materials], np.float32)[material]
+    glow = emission * ~lamps.sampled[surfaces.front[triangle]][:, None]
+    leaving = direct * reflectance + np.float32(np.pi) * glow
+    patches = _Patches.of(vertices, PATCH_WIDTH * spacing)
+    received = patches.exchange(patches.mean(leaving), patches.mean(reflectance), visibility, scene, sky)
+    yield
+    return FirstLight(vertices, direct, patches.between(received), reflectance, emission)
+
+
+def _direct(lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: int) -> Generator[None, None, Float32]:
+    points, normals = vertices.points()
+    triangle = vertices.triangle[vertices.seat]
+    points += vertices.surfaces.normals(triangle) * np.float32(vertices.surfaces.offset)
+    mesh, ids = vertices.surfaces.shown_mesh(triangle), np.arange(vertices.count)
+    light = np.zeros((vertices.count, 3), np.float32)
+    for start in range(0, vertices.count, SAMPLES_AT_ONCE):
+        part = slice(start, start + SAMPLES_AT_ONCE)
+        found = irradiance_at(
+            lamps, points[part], normals[part], visibility.of_lamps, SHADOW_RAYS, ids[part], groups, mesh[part]
+        )
+        light[part] = found.sum(1)
+        yield
+    return light
+
+
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """P patches: the samples of a cell.
+
+    Attributes:
+        vertices: the samples
+        width: of the cells, m
+        names: (P,) int64, of the cells, ascending
+        owner: (S,) int64, patch of each sample
+        position, normal: (S, 3) float32, of the samples
+    """
+
+    vertices: Vertices
+    width: float
+    names: Int64
+    owner: Int64
+    position: Float32
+    normal: Float32
+
+    @classmethod
+    def of(cls, vertices: Vertices, width: float) -> _Patches:
+        position, normal = vertices.points()
+        triangle = vertices.triangle[vertices.seat]
+        names = cell_names(vertices.surfaces, triangle, position, normal, width)
+        found, owner = np.unique(names, return_inverse=True)
+        return cls(vertices, width, found, owner.reshape(-1), position, normal)
+
+    def mean(self, values: Float32) -> Float32:
+        """Means (P, 3) over the samples of each patch."""
+        sums = [np.bincount(self.owner, channel, len(self.names)) for channel in values.T]
+        return (np.stack(sums, axis=1) / np.bincount(self.owner, minlength=len(self.names))[:, None]).astype(np.float32)
+
+    def exchange(
+        self, leaving: Float32, reflectance: Float32, visibility: Visibility, scene: Scene, sky: Sky | None
+    ) -> Float32:
+        """Irradiance (P, 3), W/m2, from other patches and the sky after some bounces of what first leaves patches."""
+        surfaces = self.vertices.surfaces
+        count, own = len(self.names), np.argsort(self.owner, kind="stable")
+        number = np.bincount(self.owner, minlength=count)
+        patch = np.repeat(np.arange(count), RAYS)
+        ray = np.tile(np.arange(RAYS), count)
+        sender = own[(np.cumsum(number) - number)[patch] + ray * number[patch] // RAYS]
+        normal = surfaces.normals(self.vertices.triangle[self.vertices.seat[sender]])
+        ways = cosine_directions(normal, even_uniform(patch, ray, 0), even_uniform(patch, ray, 1))
+        origins = self.position[sender] + normal * np.float32(surfaces.offset)
+        hits = seen_side(surfaces, visibility.first_hit(origins, ways))
+        left = hits.triangle < 0
+        seen = self.owner[self.vertices.at(np.maximum(hits.triangle, 0), np.stack([hits.u, hits.v], axis=1))]
+        lit = (~left & hits.front)[:, None]
+        outside = np.zeros((len(left), 3), np.float32)
+        outside[left] = np.pi * np.array(scene.world.radiance)
+        if sky is not None:
+            outside[left] += np.float32(np.pi) * sky.radiance[cells(ways[left])]
+        radiosity = leaving
+        for _ in range(BOUNCES):
+            arriving = np.where(lit, radiosity[seen], outside)
+            received: Float32 = arriving.reshape(count, RAYS, 3).mean(1, dtype=np.float32)
+            radiosity = leaving + reflectance * received
+        return received
+
+    def between(self, values: Float32) -> Float32:
+        """Values of patches (P, 3) at the samples (S, 3), linear between the middles of cells of one surface."""
+        triangle = self.vertices.triangle[self.vertices.seat]
+        place = self.position / np.float32(self.width) - np.float32(0.5)
+        share = place - np.floor(place)
+        low = (place + np.float32(0.5)) - np.floor(place + np.float32(0.5)) < 0.5  # the next middle lies behind
+        total = np.zeros((len(place), 3), np.float32)
+        weights = np.zeros(len(place), np.float32)
+        for step in product((0, 1), repeat=3):
+            shift = np.array(step) - low
+            names = cell_names(self.vertices.surfaces, triangle, self.position, self.normal, self.width, shift)
+            found = np.minimum(np.searchsorted(self.names, names), len(self.names) - 1)
+            weight = np.where(step, share, 1 - share).prod(1) * (self.names[found] == names)
+            total += values[found] * weight[:, None]
+            weights += weight
+        alone = weights < 1e-3
+        total[alone], weights[alone] = values[self.owner[alone]], 1
+        return total / weights[:, None]

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steps in a thread of their own, and what they ask of the main thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator
+
+import pytest
+
+from radiosity_addon.blender.background import MainThread, in_thread
+from radiosity_addon.chunks import finish
+from radiosity_addon.stages import Progress
+
+FIRST = Progress("First", 0.0)
+
+
+def named() -> str:
+    return threading.current_thread().name
+
+
+def test_steps_run_aside_and_their_errands_in_the_main_thread() -> None:
+    main = MainThread()
+    ask = main.runs(named)
+
+    def steps() -> Generator[Progress, None, tuple[str, str]]:
+        yield FIRST
+        return named(), ask()
+
+    aside, errand = finish(in_thread(steps(), FIRST, main))
+    assert errand == named()
+    assert aside != errand
+
+
+def test_no_turn_waits_for_a_long_step() -> None:
+    def steps() -> Generator[Progress, None, None]:
+        time.sleep(0.2)
+        yield FIRST
+
+    turns = in_thread(steps(), FIRST)
+    begin = time.perf_counter()
+    assert next(turns) is FIRST
+    assert next(turns) is FIRST, "the same again: nothing is new"
+    assert time.perf_counter() - begin < 0.1
+    turns.close()
+
+
+@pytest.mark.parametrize("where", ["aside", "in an errand"])
+def test_what_is_raised_reaches_whoever_takes_the_turns(where: str) -> None:
+    main = MainThread()
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    def steps() -> Generator[Progress, None, None]:
+        yield FIRST
+        (fail if where == "aside" else main.runs(fail))()
+
+    with pytest.raises(ZeroDivisionError):
+        finish(in_thread(steps(), FIRST, main))
+
+
+def test_closing_ends_steps_that_wait_for_an_errand() -> None:
+    main, asked, closed = MainThread(), threading.Event(), threading.Event()
+
+    def steps() -> Generator[Progress, None, None]:
+        try:
+            asked.set()
+            main.runs(named)()
+            yield FIRST
+        finally:
+            closed.set()
+
+    turns = in_thread(steps(), FIRST, main, wait=None)
+    main.run_errand = lambda: None  # type: ignore[method-assign]
+    next(turns)
+    assert asked.wait(1)
+    turns.close()
+    assert closed.is_set()
+
+
+def test_closing_does_not_wait_long_for_a_step() -> None:
+    going = threading.Event()
+
+    def steps() -> Generator[Progress, None, None]:
+        going.wait(5)
+        yield FIRST
+
+    turns = in_thread(steps(), FIRST, wait=0.05)
+    next(turns)
+    begin = time.perf_counter()
+    turns.close()
+    assert time.perf_counter() - begin < 1
+    going.set()

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bakes as a window runs them: in threads, looked on at, stopped and kept; without the window."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from radiosity_addon.blender import operators
+from radiosity_addon.blender.display_table import EDGE, display_table
+from radiosity_addon.blender.extraction import Extraction
+from radiosity_addon.blender.running import Running
+from radiosity_addon.chunks import finish
+from radiosity_addon.errors import SceneError
+from radiosity_addon.stages import AFTER_THE_LIGHT, STAGES
+from radiosity_addon.viewing import View
+from tests.blender.datablocks import differences, snapshot
+
+CANCELLED_IN = ["Unwrap", "Texels", "Direct light", "Gather", "Write files", "Write back"]
+
+
+class Onlooker:
+    """Keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.satisfied = False
+        self.views: list[View] = []
+
+    def show(self, view: View) -> None:
+        self.views.append(view)
+
+    def seat(self, scene: bpy.types.Scene, extraction: Extraction) -> Onlooker:
+        return self
+
+
+@pytest.fixture(autouse=True)
+def scene(tmp_path: Path) -> bpy.types.Scene:
+    """A chequered floor under a lamp, quick to bake; the file is saved."""
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    floor = bpy.context.object
+    floor.name = "Floor"
+    material = bpy.data.materials.new("Chequered")
+    material.use_nodes = True  # before Blender 5
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    links.new(nodes.new("ShaderNodeTexChecker").outputs[0], nodes["Principled BSDF"].inputs["Base Color"])
+    floor.data.materials.append(material)
+    lamp = bpy.data.lights.new("Lamp", "POINT")
+    lamp.energy = 100
+    holder = bpy.data.objects.new("Lamp", lamp)
+    holder.location = (0, 0, 2)
+    bpy.context.collection.objects.link(holder)
+    settings = bpy.context.scene.radiosity
+    settings.page_size, settings.quality = 64, "draft"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    return bpy.context.scene
+
+
+def page() -> np.ndarray:
+    (image,) = (image for image in bpy.data.images if image.is_float)
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(-1, 4)[:, :3]
+
+
+def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(scene: bpy.types.Scene) -> None:
+    """The floor's colours are asked of the main thread."""
+    finish(operators.bake_in_place(scene))
+    alone = page()
+    viewer = Onlooker()
+    finish(operators.bake_in_place(scene, viewer.seat))
+    assert len(viewer.views) > 3
+    assert np.array_equal(page(), alone)
+
+
+@pytest.mark.parametrize("stage", CANCELLED_IN)
+def test_a_bake_in_threads_that_is_cancelled_leaves_no_trace(
+    stage: str, tmp_path: Path, scene: bpy.types.Scene
+) -> None:
+    before, threads = snapshot(), threading.active_count()
+    steps = operators.bake_in_place(scene, Onlooker().seat)
+    order = ["Read scene", *STAGES, *AFTER_THE_LIGHT[1:]]  # a thread may be past a stage before it is seen there
+    assert any(order.index(progress.stage) >= order.index(stage) for progress in steps)
+    steps.close()
+    assert differences(before, snapshot()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["room.blend"]
+    assert threading.active_count() == threads
+
+
+def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.Scene) -> None:
+    finish(operators.bake_in_place(scene))
+    whole = page()
+    viewer = Onlooker()
+    viewer.satisfied = True
+    report = finish(operators.bake_in_place(scene, viewer.seat))
+    assert report.ended_in == "Direct light"
+    assert "stopped in stage Direct light" in report.summary()
+    assert page().mean() == pytest.approx(whole.mean(), rel=0.03)
+    assert page().min() > 0
+
+
+def test_an_object_renamed_during_the_bake_is_an_error_that_says_what_to_do(scene: bpy.types.Scene) -> None:
+    steps = operators.bake_in_place(scene, Onlooker().seat)
+    next(steps)
+    next(steps)
+    bpy.data.objects["Floor"].name = "Ground"
+    with pytest.raises(SceneError, match=r"Floor.*renamed or deleted.*Bake again"):
+        list(steps)
+    assert "Radiosity" not in bpy.data.objects["Ground"].data.uv_layers
+
+
+@pytest.mark.parametrize("edited, told", [("Lamp", True), ("Floor", True), ("Camera", False)])
+def test_edits_during_a_bake_are_noticed_if_they_change_the_light(
+    edited: str, told: bool, scene: bpy.types.Scene
+) -> None:
+    scene.collection.objects.link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    bpy.context.view_layer.update()
+    Running.watch(scene)
+    try:
+        bpy.data.objects[edited].location.x += 0.5
+        bpy.context.view_layer.update()
+        assert any(edited in warning for warning in Running.edits()) == told
+    finally:
+        Running.unwatch()
+
+
+def test_the_display_table_shows_light_as_blender_does(scene: bpy.types.Scene) -> None:
+    """Standard, exposure 1: radiance 1/8 is shown as sRGB 0.25, which is 0.537."""
+    before = snapshot()
+    scene.view_settings.view_transform, scene.view_settings.exposure = "Standard", 1.0
+    table = display_table(scene)
+    scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 0.0
+    level = 2.0 ** np.linspace(-9, 7, EDGE)
+    grey = table[range(EDGE), range(EDGE), range(EDGE)]
+    assert np.interp(1 / 8, level, grey[:, 0]) == pytest.approx(0.537, abs=0.02)
+    assert table[0, 0, -1].tolist() == pytest.approx([1, 0.04, 0.04], abs=0.03)
+    assert differences(before, snapshot()) == []
