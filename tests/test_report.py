@@ -15,7 +15,7 @@ from radiosity_addon.geometry.visibility import Tally
 from radiosity_addon.pages.page_files import PageFiles
 from radiosity_addon.pages.page_format import Recipe
 from radiosity_addon.radiosity.relaxation import Balance
-from radiosity_addon.reports.report import BakedObject, Page, Report, thinned, write_report
+from radiosity_addon.reports.report import BakedObject, Page, Report, Stalls, thinned, write_report
 from radiosity_addon.settings import BakeSettings
 
 
@@ -37,6 +37,8 @@ def report(**changes: object) -> Report:
         "balance": Balance(*(np.full((1, 3), watts) for watts in (4.0, 5.0, 2.0, 2.0, 1.0, 1.0))),
         "files": PageFiles(Recipe("rgbm", REC709, brightest=2.0), np.float64(0.25), 0.0, (0,)),
         "after": Path("/srv/out/room.png"),
+        "ended_in": "Gather",
+        "stalls": Stalls({"Read scene": 0.05, "Write back": 0.09}, 0.2, 0.75),
     }
     return Report(**{**fields, **changes})  # type: ignore[arg-type]
 
@@ -66,6 +68,14 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
         "patches": 12,
         "rays": 3000,
         "tracing": {"closest": 2000, "closest_seconds": 0.5, "shadow": 1000, "shadow_seconds": 0.25},
+        "ended_in": "Gather",
+        "window": {
+            "longest_stall_s": 0.09,
+            "longest_stall_in": "Write back",
+            "stalls_s": {"Read scene": 0.05, "Write back": 0.09},
+            "longest_gap_s": 0.2,
+            "first_light_s": 0.75,
+        },
         "residual": 0.0009765625,
         "residuals": [1.0, 0.5, 0.0009765625],
         "balance": pytest.approx({"emitted": 4.0, "absorbed": 2.0, "escaped": 1.0, "unshot": 1.0}),
@@ -106,8 +116,8 @@ def test_the_file_lies_in_utf_8_with_paths_relative_to_the_folder_given(tmp_path
 
 
 def test_the_summary_is_one_line() -> None:
-    assert report().summary() == "Baked 1 object on 1 page of 64 x 64 in 2.0 s"
-    two = report(objects=[BakedObject("A", "A", 0, 1, 1.0)] * 2, pages=[Page("p", None, (8, 8))] * 2)
+    assert report().summary() == "Baked 1 object on 1 page of 64 x 64 in 2.0 s, stopped in stage Gather"
+    two = report(ended_in="", objects=[BakedObject("A", "A", 0, 1, 1.0)] * 2, pages=[Page("p", None, (8, 8))] * 2)
     assert two.summary() == "Baked 2 objects on 2 pages of 8 x 8 in 2.0 s"
 
 
