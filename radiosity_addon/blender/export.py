@@ -21,6 +21,7 @@ from ..pages.page_format import MAX_EXPOSURE, PageFormat, Transfer
 from .baked_pages import baked_pages
 from .gltf import Pictures, write_glb
 from .lit_set import Part, lit_set
+from .originals import as_baked
 from .painted_pages import paint
 from .working_space import working_space
 
@@ -77,7 +78,7 @@ def export_lightmaps(scene: bpy.types.Scene, wanted: Handover, files: Transactio
     written = write_pages(pages, paths, wanted.page_format, recipe.space, files, wanted.workers)
     sidecar = sidecar_path(wanted.folder, wanted.stem)
     glb = wanted.folder / f"{safe_stem(wanted.stem)}.glb" if wanted.gltf else None
-    with lit_set(scene) as lit:
+    with as_baked(scene), lit_set(scene) as lit:
         if glb is not None:
             light = light_pictures(pages, recipe.space, wanted.workers)
             colors = paint(scene, lit, len(pages), len(pages[0])).items()

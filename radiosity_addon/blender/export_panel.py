@@ -16,7 +16,7 @@ from .export import Exported, Handover, export_lightmaps
 from .format_properties import RadiosityFileSettings
 from .names import is_baked
 from .operators import Running
-from .panels import RenderPanel
+from .panels import RenderPanel, SplitPanel
 from .properties import RELATIVE_PATH
 
 
@@ -106,17 +106,14 @@ def _folder(chosen: str, opened: Path | None) -> Path:
     return Path(bpy.path.abspath(chosen)).resolve()
 
 
-class RADIOSITY_PT_export(RenderPanel, bpy.types.Panel):
+class RADIOSITY_PT_export(SplitPanel, RenderPanel, bpy.types.Panel):
     """Hand the bake over to game engines and the web."""
 
     bl_label = "Export"
     bl_parent_id = "RADIOSITY_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         settings = context.scene.radiosity_export
         layout.prop(settings, "folder")
         layout.prop(settings, "gltf")

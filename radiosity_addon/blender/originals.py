@@ -7,6 +7,9 @@ what was hidden or moved stays so.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 
 from .names import (
@@ -77,6 +80,19 @@ def show_bake(scene: bpy.types.Scene) -> None:
         else:
             _dress(thing)
         del thing[SHOWN_KEY]
+
+
+@contextmanager
+def as_baked(scene: bpy.types.Scene) -> Iterator[None]:
+    """Within, the bake is shown; afterwards what was shown before."""
+    originals = shows_originals(scene)
+    if originals:
+        show_bake(scene)
+    try:
+        yield
+    finally:
+        if originals:
+            show_originals(scene)
 
 
 def _undress(thing: bpy.types.Object, token: str) -> None:

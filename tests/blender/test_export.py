@@ -78,6 +78,18 @@ def test_an_export_leaves_the_file_as_it_was(room: Path) -> None:
     assert before[1:] == after[1:]
 
 
+def test_a_scene_that_shows_its_originals_is_exported_lit_and_shows_them_again(room: Path) -> None:
+    bent = quad("Bent", diffuse("Grey", 0.25))
+    bent.modifiers.new("Array", "ARRAY")
+    things = [bpy.data.objects[name] for name in ("Floor", "Wall")]
+    bake([*things, bent], room.parent, 0.5)
+    bpy.ops.radiosity.toggle()
+    before = snapshot()
+    rows = json.loads(export(room).sidecar.read_text())["objects"]
+    assert {row["object"] for row in rows} == {"Floor", "Wall", "Bent"}
+    assert differences(before, snapshot()) == []
+
+
 def test_blenders_exporter_is_enabled_for_the_export_alone(room: Path) -> None:
     import addon_utils
 
