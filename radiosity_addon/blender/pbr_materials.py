@@ -167,12 +167,8 @@ def _show(reader: ShaderReader, end: bpy.types.Node, albedo: Color, emission: Co
     shader.inputs["Roughness"].default_value = 1.0
     shader.inputs["Specular IOR Level"].default_value = 0.0
     reader.feed(albedo, shader.inputs["Base Color"])
-    strength = 1.0
-    if isinstance(emission, tuple):
-        strength = max(*emission, 1.0)
-        emission = tuple(channel / strength for channel in emission)
     reader.feed(emission, shader.inputs["Emission Color"])
-    shader.inputs["Emission Strength"].default_value = strength if emission != BLACK else 0.0
+    shader.inputs["Emission Strength"].default_value = 1.0
     opacity = reader.complement(through)
     if isinstance(opacity, tuple):
         shader.inputs["Alpha"].default_value = float(np.clip(np.mean(opacity), 0, 1))

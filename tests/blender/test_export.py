@@ -69,13 +69,15 @@ def test_packed_pages_are_exported_too(tmp_path: Path) -> None:
 
 
 def test_an_export_leaves_the_file_as_it_was(room: Path) -> None:
-    preferences = bpy.context.preferences
-    bpy.context.view_layer.objects.active = bpy.data.objects["Wall"]
-    before = snapshot(), set(preferences.addons.keys()), preferences.is_dirty, bpy.context.window.scene.name
+    bpy.data.scenes.new("Another")
+    bpy.data.scenes.new("Zoo")
+    window = bpy.context.window
+    window.view_layer = window.scene.view_layers.new("Second")
+    window.view_layer.objects.active = bpy.data.objects["Wall"]
+    before, shown = snapshot(), (window.scene, window.view_layer)
     export(room)
-    after = snapshot(), set(preferences.addons.keys()), preferences.is_dirty, bpy.context.window.scene.name
-    assert differences(before[0], after[0]) == []
-    assert before[1:] == after[1:]
+    assert differences(before, snapshot()) == []
+    assert (window.scene, window.view_layer) == shown
 
 
 def test_a_scene_that_shows_its_originals_is_exported_lit_and_shows_them_again(room: Path) -> None:
@@ -94,8 +96,10 @@ def test_blenders_exporter_is_enabled_for_the_export_alone(room: Path) -> None:
     import addon_utils
 
     addon_utils.disable(gltf.ADDON, default_set=True)
+    bpy.context.preferences.is_dirty = False
     try:
         assert export(room).gltf.is_file()
+        assert not bpy.context.preferences.is_dirty
         assert gltf.ADDON not in bpy.context.preferences.addons
     finally:
         addon_utils.enable(gltf.ADDON, default_set=True)

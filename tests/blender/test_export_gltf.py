@@ -159,9 +159,9 @@ def test_what_gltf_cannot_compute_becomes_a_constant_and_a_warning_where_there_i
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_computed_colours_are_painted_where_the_light_lies(tmp_path: Path, shared: bool) -> None:
-    stripes, colors = diffuse("Stripes", 0.5), {"First": (0.2, 0.4, 0.6), "Second": (0.8, 0.1, 0.3)}
-    computed(stripes, "ShaderNodeObjectInfo", "Color", "Color")
-    first = quad("First", stripes)
+    chameleon, colors = diffuse("Chameleon", 0.5), {"First": (0.2, 0.4, 0.6), "Second": (0.8, 0.1, 0.3)}
+    computed(chameleon, "ShaderNodeObjectInfo", "Color", "Color")
+    first = quad("First", chameleon)
     second = bpy.data.objects.new("Second", first.data if shared else first.data.copy())
     second.location.x = 3
     bpy.context.scene.collection.objects.link(second)
@@ -170,17 +170,42 @@ def test_computed_colours_are_painted_where_the_light_lies(tmp_path: Path, share
     bake_here()
     glb, warnings = export(tmp_path)
     for name, color in colors.items():
-        primitive = glb.primitive(name)
-        material = glb.material_of(primitive)
-        info = material["pbrMetallicRoughness"]["baseColorTexture"]
-        assert info["texCoord"] == 1
-        assert info.get("extensions") == material["extensions"]["MOZ_lightmap"].get("extensions")
-        transform = info.get("extensions", {}).get("KHR_texture_transform", {"scale": [1, 1], "offset": [0, 0]})
-        middle = glb.attribute(primitive, "TEXCOORD_1").mean(0) * transform["scale"] + transform["offset"]
-        shown = glb.texture(info["index"], tmp_path)
-        column, row = (middle * len(shown)).astype(int)
-        assert decoded(shown[row, column]) == pytest.approx(color, abs=0.01)
+        assert painted(glb, glb.nodes(name)[0], tmp_path) == pytest.approx(color, abs=0.01)
     assert warnings == []
+
+
+def test_each_instance_has_its_own_computed_colours(tmp_path: Path) -> None:
+    places = [(0.2, 0.4, 0.6), (0.8, 0.1, 0.3), (0.5, 0.9, 0.7)]
+    where = diffuse("Where", 0.5)
+    computed(where, "ShaderNodeNewGeometry", "Position", "Color")
+    group = bpy.data.collections.new("Group")
+    tile = quad("Tile", where)
+    bpy.context.scene.collection.objects.unlink(tile)
+    group.objects.link(tile)
+    for place in places:
+        holder = bpy.data.objects.new("Holder", None)
+        holder.instance_type, holder.instance_collection = "COLLECTION", group
+        holder.location, holder.scale = place, (0.02, 0.02, 0.02)
+        bpy.context.scene.collection.objects.link(holder)
+    bake_here()
+    glb, _ = export(tmp_path)
+    for node in glb.nodes("Tile"):
+        x, z, y = node["translation"]
+        assert painted(glb, node, tmp_path) == pytest.approx([x, -y, z], abs=0.03)
+
+
+def painted(glb: Glb, node: dict, folder: Path) -> np.ndarray:
+    """The base colour in the middle of a node, which lies there as its light does."""
+    primitive = glb.primitive_of(node)
+    material = glb.material_of(primitive)
+    info = material["pbrMetallicRoughness"]["baseColorTexture"]
+    assert info["texCoord"] == 1
+    assert info.get("extensions") == material["extensions"]["MOZ_lightmap"].get("extensions")
+    transform = info.get("extensions", {}).get("KHR_texture_transform", {"scale": [1, 1], "offset": [0, 0]})
+    middle = glb.attribute(primitive, "TEXCOORD_1").mean(0) * transform["scale"] + transform["offset"]
+    shown = glb.texture(info["index"], folder)
+    column, row = (middle * len(shown)).astype(int)
+    return decoded(shown[row, column])
 
 
 def decoded(shown: np.ndarray) -> np.ndarray:
