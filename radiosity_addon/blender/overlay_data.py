@@ -82,6 +82,11 @@ class Shape:
         return self._charts[0]
 
     @property
+    def chart_count(self) -> int:
+        """How many charts it has."""
+        return int(self.chart.max(initial=-1)) + 1
+
+    @property
     def seams(self) -> Int64:
         """(K,) edges at the borders of charts, as of `borders`."""
         return borders(self._charts[1])

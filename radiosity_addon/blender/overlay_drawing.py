@@ -222,7 +222,7 @@ class Painter:
     """What is on the graphics card while an overlay is on; all of it goes when this goes."""
 
     shader: gpu.types.GPUShader = field(default_factory=make_shader)
-    _batches: dict[Hashable, gpu.types.GPUBatch] = field(default_factory=dict)
+    _batches: dict[tuple[Hashable, bool], gpu.types.GPUBatch] = field(default_factory=dict)
     _textures: dict[tuple[str, int], gpu.types.GPUTexture] = field(default_factory=dict)
     _ramps: dict[str, gpu.types.GPUTexture] = field(default_factory=dict)
 
@@ -233,7 +233,8 @@ class Painter:
     def forget_shapes(self, keys: Sequence[Hashable]) -> None:
         """These meshes have changed."""
         for key in keys:
-            self._batches.pop(key, None)
+            for with_charts in (False, True):
+                self._batches.pop((key, with_charts), None)
 
     def draw(self, things: Sequence[tuple[Placed, Shape, float]], pages: Pages, look: Look) -> None:
         """Draw an overlay over things, each with its shape and the texels along an edge of its uv square."""
@@ -276,23 +277,25 @@ class Painter:
             shader.uniform_float("gram_b", (gram[0, 1], gram[1, 2], gram[2, 0], last))
             shader.uniform_sampler("page", front)
             shader.uniform_sampler("back_page", back)
-            self._batch(thing.key, shape).draw(shader)
+            self._batch(thing.key, shape, overlay == "charts").draw(shader)
 
-    def _batch(self, key: Hashable, shape: Shape) -> gpu.types.GPUBatch:
-        if key not in self._batches:
+    def _batch(self, key: Hashable, shape: Shape, with_charts: bool) -> gpu.types.GPUBatch:
+        """The triangles of a mesh; charts take seconds to find where there are a million, and are left out else."""
+        if (key, with_charts) not in self._batches:
             count = len(shape.corners)
+            chart, seams = (shape.chart, shape.seams) if with_charts else (np.zeros(count), np.zeros(0, np.int64))
             back = shape.uv if shape.back_uv is None else shape.back_uv
             columns = {
                 "position": shape.corners.reshape(-1, 3),
                 "uv": shape.uv.reshape(-1, 2),
                 "back_uv": back.reshape(-1, 2),
                 "ratio": np.repeat(shape.ratio, 3, axis=0),
-                "border": border_distances(count, shape.seams).reshape(-1, 3),
-                "chart": np.repeat(shape.chart, 3).astype(np.float32),
+                "border": border_distances(count, seams).reshape(-1, 3),
+                "chart": np.repeat(chart, 3).astype(np.float32),
             }
             columns = {name: np.ascontiguousarray(values, np.float32) for name, values in columns.items()}
-            self._batches[key] = batch_for_shader(self.shader, "TRIS", columns)
-        return self._batches[key]
+            self._batches[key, with_charts] = batch_for_shader(self.shader, "TRIS", columns)
+        return self._batches[key, with_charts]
 
     def _page(self, overlay: str, page: int, pages: Pages) -> gpu.types.GPUTexture:
         need = NEEDS[overlay]

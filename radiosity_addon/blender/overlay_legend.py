@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from .overlay_drawing import Look
 
 WIDTH, MARGIN, BAR, PADDING = 300, 20, 14, 14
-"""Of the box, around it, height of the bar, inside of the box; pixels at a resolution scale of 1."""
-TITLE, TEXT = 14, 12
-"""Sizes of type."""
+"""Of a box with a bar, around it, height of the bar, inside of the box; pixels at a resolution scale of 1."""
+TITLE, TEXT, LINE = 14, 12, 42
+"""Sizes of type, and letters of a line."""
 GROUND, WORDS, QUIET = (0.045, 0.045, 0.05, 1.0), (0.96, 0.96, 0.96, 1.0), (0.74, 0.74, 0.76, 1.0)
 FEW_TICKS = 3
 """A scale with fewer round numbers has its ends and its middle written instead."""
@@ -112,15 +113,13 @@ def _apart(ticks: list[tuple[float, str]]) -> tuple[tuple[float, str], ...]:
     return tuple(kept)
 
 
-def draw_legend(context: bpy.types.Context, legend: Legend) -> None:
-    """Draw a legend in the lower right corner of the view, left of the sidebar."""
-    scale = context.preferences.system.ui_scale
+def draw_legend(legend: Legend, right: float, bottom: float, scale: float) -> None:
+    """Draw a legend whose lower right corner lies there, in pixels; `scale` is the interface's."""
     line = TEXT * 1.55 * scale
     height = 2 * PADDING * scale + TITLE * 1.3 * scale + line * len(legend.notes)
     if legend.scale is not None:
         height += (BAR + 12) * scale + line
-    right, bottom = _corner(context, scale)
-    left, top = right - WIDTH * scale, bottom + height
+    left, top = right - _width(legend, scale), bottom + height
     gpu.state.blend_set("ALPHA")
     _box(left, bottom, right, top, 6 * scale)
     inner, outer = left + PADDING * scale, right - PADDING * scale
@@ -140,12 +139,22 @@ def draw_legend(context: bpy.types.Context, legend: Legend) -> None:
     gpu.state.blend_set("NONE")
 
 
-def say(context: bpy.types.Context, text: str) -> None:
-    """Say why there is nothing to see, where the legend would be."""
-    draw_legend(context, Legend(text, None, (), ()))
+def _width(legend: Legend, scale: float) -> float:
+    """As wide as its words, or as a bar asks for."""
+    widest = 0.0 if legend.scale is None else WIDTH * scale
+    for text, size in ((legend.title, TITLE), *((note, TEXT) for note in legend.notes)):
+        blf.size(0, size * scale)
+        widest = max(widest, blf.dimensions(0, text)[0] + 2 * PADDING * scale)
+    return widest
 
 
-def _corner(context: bpy.types.Context, scale: float) -> tuple[float, float]:
+def said(text: str) -> Legend:
+    """Why there is nothing to see, in place of a legend."""
+    return Legend("Nothing to Show", None, (), tuple(textwrap.wrap(text, LINE)))
+
+
+def corner(context: bpy.types.Context, scale: float) -> tuple[float, float]:
+    """Where a legend goes: into the lower right corner of the view, left of the sidebar."""
     sidebar = 0
     if context.preferences.system.use_region_overlap:
         sidebar = sum(region.width for region in context.area.regions if region.type == "UI" and region.width > 1)

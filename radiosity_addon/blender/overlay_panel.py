@@ -166,6 +166,10 @@ class RADIOSITY_PT_overlay(bpy.types.Panel):
             reason = missing(context.scene, "lighting")
             if reason:
                 layout.label(text=reason, icon="INFO")
+            else:
+                layout.use_property_split = True
+                layout.use_property_decorate = False
+                layout.prop(context.scene.view_settings, "exposure", text="View Exposure")
             return
         off = layout.row()
         off.scale_y = 1.4

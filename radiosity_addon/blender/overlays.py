@@ -12,7 +12,7 @@ import bpy
 from ..errors import OutputError, explained
 from .overlay_data import Density, Pages, Placed, Shape, density_of, edge_texels, missing, placed_things, shape_of
 from .overlay_drawing import Painter
-from .overlay_legend import Legend, draw_legend, legend_of, say
+from .overlay_legend import Legend, corner, draw_legend, legend_of, said
 
 OFF = "off"
 
@@ -37,16 +37,24 @@ class Overlay:
     _density: tuple[Any, Density] | None = None
     _drawn: set[Hashable] = field(default_factory=set)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw it in the view that is being drawn."""
-        scene, settings = context.scene, context.window_manager.radiosity_overlay
+    def draw(
+        self,
+        scene: bpy.types.Scene,
+        depsgraph: bpy.types.Depsgraph,
+        settings: bpy.types.PropertyGroup,
+        view: bpy.types.SpaceView3D | None = None,
+    ) -> None:
+        """Draw it over what a dependency graph holds, by the matrices and into the buffer that are set.
+
+        Args:
+            settings: of overlays
+            view: what hides some of it, if it does
+        """
         self.legend, self.failure = None, missing(scene, self.name)
         if self.failure:
             return
         pages = self._current_pages(scene)
-        found = [
-            (thing, self._shape(thing)) for thing in placed_things(context.view_layer.depsgraph, context.space_data)
-        ]
+        found = [(thing, self._shape(thing)) for thing in placed_things(depsgraph, view)]
         wanted = scene.radiosity.density if scene.radiosity.density_enabled else None
         ranked = [(thing, shape, edge_texels(thing, shape, pages.size, wanted)) for thing, shape in found]
         if self.name not in ("density", "charts"):
@@ -59,7 +67,7 @@ class Overlay:
             look = settings.look(self.name, pages, density)
             self.painter.draw(ranked, pages, look)
             if settings.legend:
-                charts = sum(int(shape.chart[-1]) + 1 for _, shape, _ in ranked if len(shape.chart))
+                charts = sum(shape.chart_count for _, shape, _ in ranked) if self.name == "charts" else 0
                 self.legend = legend_of(look, pages, density, charts, settings.unit)
         except OutputError as error:
             self.failure = explained(error)
@@ -176,17 +184,19 @@ def _events() -> tuple[tuple[list[Any], Any], ...]:
 
 
 def _draw_view() -> None:
+    context = bpy.context
     if Shown.overlay is not None:
-        Shown.overlay.draw(bpy.context)
+        settings = context.window_manager.radiosity_overlay
+        Shown.overlay.draw(context.scene, context.view_layer.depsgraph, settings, context.space_data)
 
 
 def _draw_pixels() -> None:
     if Shown.overlay is None:
         return
-    if Shown.overlay.failure:
-        say(bpy.context, Shown.overlay.failure)
-    elif Shown.overlay.legend is not None:
-        draw_legend(bpy.context, Shown.overlay.legend)
+    legend = said(Shown.overlay.failure) if Shown.overlay.failure else Shown.overlay.legend
+    if legend is not None:
+        scale = bpy.context.preferences.system.ui_scale
+        draw_legend(legend, *corner(bpy.context, scale), scale)
 
 
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
