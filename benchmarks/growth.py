@@ -1,0 +1,385 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How time and memory of a bake grow: `python benchmarks/growth.py [--axis NAME ...] [--limit SECONDS]`.
+
+A hall with sixteen balls, made as records of the core without Blender; one thing at a time grows: texels, triangles,
+patches, lamps, threads. Every point has a process of its own; a point that takes longer than the limit, or more memory
+than allowed, is left out, with all larger ones. Seconds are without the unwrap; the build of the BVH is told apart.
+Exponents p are those of time ~ size^p. Lamps are points without radius; the error of their direct light is that of 300
+texels of the floor against the sum over all lamps, with one shadow ray for each of 16 points of a texel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import resource
+import shutil
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import numpy as np  # noqa: E402
+
+from benchmarks._curves import exponent  # noqa: E402
+from benchmarks._processes import answer_task, run_task  # noqa: E402
+from benchmarks.speed import machine, memory  # noqa: E402
+from radiosity_addon import bake as main_path  # noqa: E402
+from radiosity_addon.bake import Baked, bake  # noqa: E402
+from radiosity_addon.chunks import finish  # noqa: E402
+from radiosity_addon.geometry.surfaces import flatten  # noqa: E402
+from radiosity_addon.geometry.visibility import Visibility  # noqa: E402
+from radiosity_addon.scene import AreaLight, Light, Material, Mesh, PointLight, Scene  # noqa: E402
+from radiosity_addon.settings import BakeSettings, Quality  # noqa: E402
+from tests.shapes import mesh_of, quad  # noqa: E402
+
+WIDTH, HEIGHT = 12.0, 4.0
+BALLS, RADIUS = 16, 0.9
+POWER = 600.0
+"""Of all lamps together, W."""
+POLE = 0.02
+"""Polar angle at which balls are cut off, so that no triangle is without area."""
+FLOOR = 1
+"""Its index among the meshes."""
+LOG = ROOT / "out" / "bench" / "growth.json"
+PUBLISHED_LOG = ROOT / "benchmarks" / "results" / "growth.json"
+PUBLISHED_PICTURE = ROOT / "docs" / "pictures" / "growth.png"
+PROBES, SUBS = 300, 4
+SMALL_PAGE, LARGE_PAGE = 512, 2048
+"""Pages where triangles or lamps grow, and where patches do: there must be more texels than the most of them."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is baked."""
+
+    page_size: int = 1024
+    triangles: int = 20_000
+    patches: int = 0
+    lamps: int = 0
+    threads: int = 2
+
+
+AXES: dict[str, list[Point]] = {
+    "texels": [Point(page_size=size) for size in (256, 512, 1024, 2048, 4096, 8192)],
+    "triangles": [
+        Point(page_size=SMALL_PAGE, triangles=count) for count in (1_000, 10_000, 100_000, 1_000_000, 2_000_000)
+    ],
+    "patches": [Point(page_size=LARGE_PAGE, patches=count) for count in (1_000, 10_000, 100_000, 1_000_000)],
+    "lamps": [Point(page_size=SMALL_PAGE, lamps=count) for count in (1, 10, 100, 1_000)],
+    "threads": [Point(threads=count) for count in (1, 2)],
+}
+
+
+@dataclass(frozen=True)
+class GrownSettings(BakeSettings):
+    """Medium quality with any number of patches; 0 for its own."""
+
+    wanted_patches: int = 0
+
+    @property
+    def steps(self) -> Quality:
+        own = super().steps
+        return replace(own, patches=self.wanted_patches) if self.wanted_patches else own
+
+
+def ball(name: str, centre: np.ndarray, count: int) -> Mesh:
+    """A smooth ball of some `count` triangles, laid flat by longitude and latitude."""
+    rings = max(4, round(math.sqrt(count / 4)))
+    turns = 2 * rings
+    tilt = np.linspace(POLE, np.pi - POLE, rings + 1)[:, None]
+    turn = np.linspace(0, 2 * np.pi, turns + 1)[None]
+    normals = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0 * turn], axis=2)
+    down, along = (part.ravel() for part in np.meshgrid(np.arange(rings), np.arange(turns), indexing="ij"))
+
+    def corner(row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        return row * turns + column % turns
+
+    quads = np.stack(
+        [corner(down, along), corner(down + 1, along), corner(down + 1, along + 1), corner(down, along + 1)], axis=1
+    )
+    u, v = along[:, None] + np.array([0, 0, 1, 1]), down[:, None] + np.array([0, 1, 1, 0])
+    flat = np.stack([1 - u / turns, v / rings], axis=2)
+    halves = [[0, 1, 2], [0, 2, 3]]
+    triangles = quads[:, halves].reshape(-1, 3).astype(np.int32)
+    unit = normals[:, :-1].reshape(-1, 3)
+    return Mesh(
+        name,
+        centre + RADIUS * unit,
+        triangles,
+        unit[triangles].astype(np.float32),
+        np.ones(len(triangles), np.int32),
+        np.repeat(np.arange(len(quads), dtype=np.int32), 2),
+        (4 * np.arange(len(quads))[:, None, None] + np.array(halves)).reshape(-1, 3).astype(np.int32),
+        uv=flat[:, halves].reshape(-1, 3, 2).astype(np.float32),
+    )
+
+
+def hall(point: Point) -> Scene:
+    """Walls, a floor, balls above it, and lamps below the ceiling."""
+    x, y, z = (WIDTH, 0, 0), (0, WIDTH, 0), (0, 0, HEIGHT)
+    walls = [
+        quad((0, 0, HEIGHT), y, x),
+        quad((0, 0, 0), y, z),
+        quad((WIDTH, 0, 0), z, y),
+        quad((0, 0, 0), z, x),
+        quad((0, WIDTH, 0), x, z),
+    ]
+    meshes = [mesh_of("Walls", walls, [0] * 5), mesh_of("Floor", [quad((0, 0, 0), x, y)], [0])]
+    across = math.isqrt(BALLS)
+    for number in range(BALLS):
+        row, column = divmod(number, across)
+        place = ((column + 0.5) * WIDTH / across, (row + 0.5) * WIDTH / across, 1.1 + 0.2 * (number % 3))
+        meshes.append(ball(f"Ball {number}", np.array(place), point.triangles // BALLS))
+    materials = (Material("Lime", (0.7, 0.66, 0.6)), Material("Blue", (0.2, 0.35, 0.6)))
+    return Scene(tuple(meshes), materials, points_of_light(point.lamps) if point.lamps else panels())
+
+
+def panels() -> tuple[Light, ...]:
+    """Four square lamps."""
+    edge = 1.0
+    radiance = POWER / 4 / (math.pi * edge**2)
+    return tuple(
+        AreaLight(f"Panel {x} {y}", (radiance,) * 3, (x, y, HEIGHT - 0.02), (edge, 0, 0), (0, edge, 0), (0, 0, -1))
+        for x in (WIDTH / 4, 3 * WIDTH / 4)
+        for y in (WIDTH / 4, 3 * WIDTH / 4)
+    )
+
+
+def points_of_light(count: int) -> tuple[Light, ...]:
+    """Points spread evenly (R2 sequence, Roberts 2018) between balls and ceiling, of one power together."""
+    index = np.arange(count)
+    x, y = (WIDTH * ((0.5 + index * step) % 1) for step in (0.7548776662466927, 0.5698402909980532))
+    z = 2.8 + 1.1 * ((0.5 + index * 0.6180339887498949) % 1)
+    intensity = POWER / count / (4 * math.pi)
+    return tuple(
+        PointLight(f"Point {k}", (intensity,) * 3, (float(x[k]), float(y[k]), float(z[k]))) for k in range(count)
+    )
+
+
+def measure(task: dict[str, Any]) -> dict[str, Any]:
+    """In a process of its own: one bake."""
+    allowed = int(task["gigabytes"] * 1e9)
+    resource.setrlimit(resource.RLIMIT_AS, (allowed, allowed))
+    point = Point(**task["point"])
+    scene = hall(point)
+    before, _ = memory()
+    settings = GrownSettings(page_size=point.page_size, threads=point.threads)
+    if point.patches:
+        main_path.LEAST_PATCHES = 1
+        scale = math.sqrt(0.8 * point.page_size**2 / 1e6)  # by which a bake takes more patches on larger pages
+        settings = replace(settings, wanted_patches=round(point.patches / scale))
+    if task["error"]:
+        return {"error": direct_error(scene, finish(bake(scene, replace(settings, bounces=0))))}
+    start = time.perf_counter()
+    baked = finish(bake(scene, settings))
+    seconds = time.perf_counter() - start
+    _, peak = memory()
+    unwrap = next(stage.seconds for stage in baked.stages if stage.name == "Unwrap")
+    corners = flatten(scene).corners
+    start = time.perf_counter()
+    Visibility(corners)
+    tree = time.perf_counter() - start
+    return {
+        "seconds": seconds - unwrap,
+        "unwrap_seconds": unwrap,
+        "tree_seconds": tree,
+        "megabytes": peak,
+        "megabytes_beside": peak - before,
+        "texels": baked.texels,
+        "triangles": len(corners),
+        "patches": baked.patches,
+        "lamps": len(scene.lights),
+        "threads": point.threads,
+        "rays": baked.rays,
+        "stages": {stage.name: stage.seconds for stage in baked.stages},
+    }
+
+
+def direct_error(scene: Scene, baked: Baked) -> float:
+    """Root mean square error of direct light on the floor, as a share of its mean; lamps are points."""
+    size = baked.atlas.size
+    uv = baked.atlas.uv[FLOOR].astype(np.float64)
+    corners = scene.meshes[FLOOR].vertices[scene.meshes[FLOOR].triangles]
+    rows = np.concatenate([uv[0], np.ones((3, 1))], axis=1)
+    to_space = np.linalg.solve(rows, corners[0])  # the floor's map is affine
+    low, high = uv.reshape(-1, 2).min(axis=0) * size, uv.reshape(-1, 2).max(axis=0) * size
+    index = np.arange(PROBES)
+    shares = np.stack([(0.5 + index * step) % 1 for step in (0.7548776662466927, 0.5698402909980532)], axis=1)
+    texel = np.floor(np.ceil(low) + shares * (np.floor(high) - np.ceil(low) - 1)).astype(int)
+    steps = (np.arange(SUBS) + 0.5) / SUBS
+    grid = np.stack(np.meshgrid(steps, steps), axis=2).reshape(-1, 2)
+    inside = ((texel[:, None] + grid) / size).reshape(-1, 2)
+    points = np.concatenate([inside, np.ones((len(inside), 1))], axis=1) @ to_space
+    points[:, 2] = 1e-4
+    visibility = Visibility(flatten(scene).corners + flatten(scene).origin.astype(np.float32))
+    exact = np.zeros(len(points))
+    for light in scene.lights:
+        assert isinstance(light, PointLight)
+        way = np.array(light.position) - points
+        squared = (way**2).sum(axis=1)
+        clear = ~visibility.occluded(points.astype(np.float32), way.astype(np.float32))
+        exact += clear * light.intensity[0] * way[:, 2] / squared**1.5 / math.pi
+    exact = exact.reshape(PROBES, -1).mean(axis=1)
+    found = baked.pages[int(baked.atlas.page[FLOOR])][texel[:, 1], texel[:, 0], 0]
+    return float(np.sqrt(np.mean((found - exact) ** 2)) / exact.mean())
+
+
+def run_axis(name: str, limit: float, gigabytes: float) -> dict[str, Any]:
+    """Measure one axis, smallest first; prints as it goes."""
+    found: dict[str, Any] = {"axis": name, "points": [], "left_out": []}
+    print(f"\n{name}", flush=True)
+    for number, point in enumerate(AXES[name]):
+        reason = f"more than {limit:g} s"
+        try:
+            task = {"point": vars(point), "gigabytes": gigabytes}
+            got = run_task(__file__, {**task, "error": False}, limit)
+            if got and point.lamps:
+                got |= run_task(__file__, {**task, "error": True}, limit) or {}
+        except RuntimeError as error:
+            if "MemoryError" not in str(error) and "bad_alloc" not in str(error):
+                raise
+            got, reason = None, f"more than {gigabytes:g} GB"
+        if got is None:
+            left = [size_of(name, each) for each in AXES[name][number:]]
+            found["left_out"].append({"sizes": left, "reason": reason})
+            print(f"  {left[0]:>10,}: {reason}; left out, and all larger ones", flush=True)
+            break
+        found["points"].append(got)
+        error = f", error of direct light {got['error']:.2%}" if "error" in got else ""
+        print(
+            f"  {got[name]:>10,}: {got['seconds']:8.2f} s, unwrap {got['unwrap_seconds']:.2f} s, BVH "
+            f"{got['tree_seconds']:.2f} s, {got['megabytes_beside']:6.0f} MB, {got['rays']:,} rays{error}",
+            flush=True,
+        )
+    return found
+
+
+def size_of(name: str, point: Point) -> int:
+    """What is asked for on an axis."""
+    return point.page_size**2 if name == "texels" else int(getattr(point, name))
+
+
+def summary(found: dict[str, Any]) -> str:
+    """The growth along one axis in words."""
+    name, points = found["axis"], found["points"]
+    by_size = {point[name]: point for point in points}
+    left = "".join(f"; left out: {each['sizes']}, {each['reason']}" for each in found["left_out"])
+    if name == "threads":
+        if {1, 2} <= set(by_size):
+            return f"2 threads are {by_size[1]['seconds'] / by_size[2]['seconds']:.2f} times as fast as 1{left}"
+        return f"not both measured{left}"
+    if len(points) < 2:
+        return f"too few points{left}"
+    sizes, seconds = [point[name] for point in points], [point["seconds"] for point in points]
+    text = f"time ~ {name}^{exponent(sizes, seconds):.2f}, over the last step ^{exponent(sizes[-2:], seconds[-2:]):.2f}"
+    if name == "triangles":
+        bare = [point["seconds"] - point["tree_seconds"] for point in points]
+        text += f"; without the BVH's build ^{exponent(sizes, bare):.2f}"
+    if name == "texels":
+        text += (
+            f"; {1e6 * points[-1]['megabytes_beside'] / points[-1]['texels']:.0f} bytes a texel at most at the largest"
+        )
+    if name == "lamps" and {10, 1000} <= set(by_size):
+        text += f"; 1,000 lamps take {by_size[1000]['seconds'] / by_size[10]['seconds']:.1f} times as long as 10"
+    return text + left
+
+
+def markdown(log: dict[str, Any]) -> str:
+    """A table for the README."""
+    lines = ["| what grows | from, to | seconds | peak memory | growth |", "| --- " * 5 + "|"]
+    for found in log["axes"]:
+        points, name = found["points"], found["axis"]
+        if points:
+            first, last = points[0], points[-1]
+            lines.append(
+                f"| {name} | {first[name]:,}, {last[name]:,} | {first['seconds']:.2f}, {last['seconds']:.1f} | "
+                f"{first['megabytes_beside']:.0f}, {last['megabytes_beside']:.0f} MB | {summary(found)} |"
+            )
+    return "\n".join(lines)
+
+
+def draw(log: dict[str, Any], picture: Path) -> None:
+    """Time above, memory below, a column an axis."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter
+
+    shown = [found for found in log["axes"] if found["axis"] != "threads" and len(found["points"]) > 1]
+    if not shown:
+        return
+    figure, axes = plt.subplots(2, len(shown), figsize=(3.4 * len(shown), 5.4), squeeze=False, sharex="col")
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    for column, found in enumerate(shown):
+        name, points = found["axis"], found["points"]
+        sizes = np.array([point[name] for point in points], float)
+        for row, key, color in ((0, "seconds", "#23679a"), (1, "megabytes_beside", "#5b8c5a")):
+            axis, values = axes[row][column], [max(point[key], 1e-3) for point in points]
+            axis.plot(sizes, values, "o-", color=color, ms=4)
+            ends = sizes[[0, -1]]
+            axis.plot(ends, values[-1] * ends / ends[-1], "--", color="0.7", lw=0.9, zorder=0)
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.set_ylim(min(values) / 2, max(values) * 2)
+            axis.yaxis.set_major_formatter(plain)
+            axis.spines[["top", "right"]].set_visible(False)
+        axes[0][column].set_title(
+            f"time ~ {name}$^{{{exponent(sizes, [p['seconds'] for p in points]):.2f}}}$", fontsize=10
+        )
+        axes[1][column].set_xlabel(name)
+    axes[0][0].set_ylabel("seconds, without unwrap")
+    axes[1][0].set_ylabel("peak memory, MB")
+    figure.text(0.995, 0.005, "dashed: linear growth", ha="right", fontsize=8, color="0.5")
+    figure.tight_layout()
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(picture, dpi=120)
+    plt.close(figure)
+
+
+def write_log(log: dict[str, Any], path: Path) -> None:
+    """Keep what was measured."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Measure, print, draw."""
+    if answer_task(measure):
+        return
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--axis", action="append", choices=list(AXES), help="only this one; may be repeated")
+    parser.add_argument("--limit", type=float, default=300.0, metavar="SECONDS", help="of a point; default: 300")
+    parser.add_argument("--memory", type=float, default=16.0, metavar="GB", help="of a point; default: 16")
+    parser.add_argument("--log", type=Path, metavar="FILE.json", help="measure nothing: show what an earlier run found")
+    parser.add_argument("--markdown", action="store_true", help="also as a table to paste")
+    parser.add_argument("--publish", action="store_true", help="put log and picture into benchmarks/results/ and docs/")
+    options = parser.parse_args()
+    if options.log:
+        log = json.loads(options.log.read_text(encoding="utf-8"))
+    else:
+        log = {"machine": machine(), "date": time.strftime("%Y-%m-%d"), "limit": options.limit, "axes": []}
+        print(log["machine"])
+        for name in options.axis or AXES:
+            log["axes"].append(run_axis(name, options.limit, options.memory))
+            write_log(log, LOG)
+    print(f"\n{log['machine']}, {log['date']}")
+    for found in log["axes"]:
+        print(f"{found['axis']}: {summary(found)}")
+    if options.markdown:
+        print("\n" + markdown(log))
+    picture = LOG.with_suffix(".png")
+    draw(log, picture)
+    if options.publish:
+        write_log(log, PUBLISHED_LOG)
+        shutil.copyfile(picture, PUBLISHED_PICTURE)
+
+
+if __name__ == "__main__":
+    main()
