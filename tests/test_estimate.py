@@ -9,15 +9,15 @@ from radiosity_addon.settings import QUALITIES, BakeSettings
 
 def test_one_page_is_filled_whatever_the_area() -> None:
     known, unknown = (estimate(area, BakeSettings(page_size=1000)) for area in (100.0, None))
-    assert (known.pages, known.texels) == (unknown.pages, unknown.texels) == (1, 720_000)
+    assert (known.pages, known.texels) == (unknown.pages, unknown.texels) == (1, 770_000)
     assert unknown.density is None
-    assert known.density == pytest.approx((720_000 / 100) ** 0.5)
+    assert known.density == pytest.approx((770_000 / 100) ** 0.5)
 
 
 def test_at_a_density_texels_follow_the_area_and_pages_the_texels() -> None:
     found = estimate(100.0, BakeSettings(page_size=100, density=20.0))
     assert (found.texels, found.density) == (40_000, 20.0)
-    assert found.pages == 6, "40,000 texels on pages that hold 7,200 each"
+    assert found.pages == 6, "40,000 texels on pages that hold 7,700 each"
 
 
 def test_every_page_group_has_a_page_of_its_own() -> None:

@@ -160,13 +160,12 @@ class RADIOSITY_PT_object(bpy.types.Panel):
 
 def draw_selection(layout: bpy.types.UILayout, differing: Sequence[bpy.types.Object]) -> None:
     """How many of the selected objects have other settings, and a button that makes them alike."""
-    row = layout.row()
     count = len(differing)
     what = "1 other selected object differs" if count == 1 else f"{count} other selected objects differ"
-    row.label(text=what if count else "All selected objects agree", icon="OBJECT_DATA")
-    button = row.row()
+    layout.label(text=what if count else "All selected objects agree", icon="OBJECT_DATA")
+    button = layout.row()
     button.enabled = count > 0
-    button.operator("radiosity.copy_settings", text="Copy All", icon="DUPLICATE").name = ""
+    button.operator("radiosity.copy_settings", text="Copy All to Selected", icon="DUPLICATE").name = ""
 
 
 CLASSES = (RadiosityObjectSettings, RADIOSITY_OT_copy_settings, RADIOSITY_PT_object)

@@ -10,7 +10,7 @@ from typing import ClassVar
 import bpy
 
 from ..checks import Finding
-from ..estimate import Estimate, about, about_seconds
+from ..estimate import about, about_seconds
 from ..reports.report import count_of
 from .inspection import subject_of
 from .last_bake import summary, warnings
@@ -26,8 +26,8 @@ MOST_FINDINGS = 12
 """Findings in the panel; the command line's `info` lists them all."""
 LETTER = 0.56
 """Mean width of a letter, as a share of the font's size."""
-BESIDE_TEXT = 60
-"""Pixels, at scale 1, beside the lines of a text: margins, an icon, a button."""
+BESIDE_TEXT, BUTTON = 64, 24
+"""Pixels, at scale 1, beside the lines of a text: margins, tabs, an icon; and for each button."""
 
 
 def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
@@ -51,48 +51,49 @@ def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     row.operator("radiosity.revert", icon="TRASH")
 
 
-def draw_summary(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """The last bake in a line, and its report."""
-    if Running.progress is None and REPORT_KEY in scene:
-        row = layout.row()
-        row.label(text=summary(scene), icon="CHECKMARK")
-        row.operator("radiosity.show_report", text="", icon="FILE_TEXT")
+def draw_summary(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The last bake in a few words, and its report."""
+    if Running.progress is not None or REPORT_KEY not in context.scene:
+        return
+    row = layout.row()
+    draw_text(row, summary(context.scene), "CHECKMARK", context, 1)
+    row.operator("radiosity.show_report", text="", icon="FILE_TEXT")
 
 
 def draw_essentials(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """What decides how good and how large a bake is."""
     settings = scene.radiosity
+    row = layout.row(align=True)
+    row.use_property_split = False
+    row.prop(settings, "quality", expand=True)
     column = layout.column()
-    column.row().prop(settings, "quality", expand=True)
     column.prop(settings, "page_size")
     row = column.row(align=True, heading="Density")
     row.prop(settings, "density_enabled", text="")
     value = row.row()
-    if settings.density_enabled:
-        value.prop(settings, "density", text="")
-    else:
-        value.label(text="Fill one page")
+    value.active = settings.density_enabled
+    value.prop(settings, "density", text="")
 
 
-def draw_estimate(layout: bpy.types.UILayout, found: Estimate, slow: bool) -> None:
-    """What the next bake will take."""
+def draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """What the next bake will take: a guess, until this scene was baked once."""
+    found = expected(scene)
     lines = layout.box().column(align=True)
     lines.scale_y = 0.8
-    density = f", {found.density:.3g} per metre" if found.density else ""
-    memory = f"{found.bytes / 1e9:.1f} GB of memory"
-    lines.label(text=f"About {about_seconds(found.seconds)}, up to {memory}", icon="TIME")
-    lines.label(text=f"{count_of(found.pages, 'page')}, about {about(found.texels)} texels{density}", icon="TEXTURE")
-    if slow:
-        lines.label(text="Check the scene to know its area", icon="BLANK1")
+    sure = "About" if REPORT_KEY in scene else "Roughly"
+    lines.label(text=f"{sure} {about_seconds(found.seconds)}, up to {found.bytes / 1e9:.1f} GB", icon="TIME")
+    if scene.radiosity.density_enabled and Checked.of(scene) is None:
+        lines.label(text="Check the scene to know its pages", icon="TEXTURE")
+        return
+    lines.label(text=f"{count_of(found.pages, 'page')}, {about(found.texels)} texels", icon="TEXTURE")
+    if found.density:
+        lines.label(text=f"{found.density:.3g} texels per metre", icon="DRIVER_DISTANCE")
 
 
 def draw_finding(layout: bpy.types.UILayout, finding: Finding, context: bpy.types.Context) -> None:
-    """What was found, as wide as the region, and buttons for it."""
-    row = layout.row(align=False)
-    text = row.column(align=True)
-    text.scale_y = 0.8
-    for number, line in enumerate(wrapped(finding.text, context)):
-        text.label(text=line, icon="BLANK1" if number else ICONS[finding.severity])
+    """What was found, and buttons for it."""
+    row = layout.row()
+    draw_text(row, finding.text, ICONS[finding.severity], context, bool(finding.subject) + finding.inside_out)
     buttons = row.row(align=True)
     if finding.inside_out:
         buttons.operator("radiosity.flip", text="", icon="NORMALS_FACE").name = finding.subject
@@ -100,11 +101,15 @@ def draw_finding(layout: bpy.types.UILayout, finding: Finding, context: bpy.type
         buttons.operator("radiosity.select", text="", icon="RESTRICT_SELECT_OFF").name = finding.subject
 
 
-def wrapped(text: str, context: bpy.types.Context) -> list[str]:
-    """A text in lines that fit into the region: Blender's labels are cut where they don't."""
+def draw_text(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.types.Context, buttons: int) -> None:
+    """A text in lines that fit into the region beside some buttons: Blender's labels are cut where they don't."""
     scale = context.preferences.system.ui_scale
     letter = LETTER * context.preferences.ui_styles[0].widget.points * scale
-    return textwrap.wrap(text, max(20, int((context.region.width - BESIDE_TEXT * scale) / letter)))
+    room = context.region.width - (BESIDE_TEXT + buttons * BUTTON) * scale
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, max(20, int(room / letter)))):
+        column.label(text=line, icon="BLANK1" if number else icon)
 
 
 class RenderPanel:
@@ -143,9 +148,9 @@ class MainPanel(SplitPanel):
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         scene = context.scene
         draw_bake(layout, scene)
-        draw_summary(layout, scene)
+        draw_summary(layout, context)
         draw_essentials(layout, scene)
-        draw_estimate(layout, expected(scene), scene.radiosity.density_enabled and Checked.of(scene) is None)
+        draw_estimate(layout, scene)
 
 
 class RADIOSITY_PT_render(MainPanel, RenderPanel, bpy.types.Panel):
@@ -182,6 +187,8 @@ class CheckPanel:
         if known.area is not None:
             lit = f"{count_of(known.objects, 'surface')} of {known.area:,.4g} m² to light"
             column.label(text=lit, icon="CHECKMARK")
+        if not known.findings:
+            column.label(text="Nothing looks wrong", icon="BLANK1")
         for finding in known.findings[:MOST_FINDINGS]:
             draw_finding(column, finding, context)
         if len(known.findings) > MOST_FINDINGS:

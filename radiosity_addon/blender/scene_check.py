@@ -13,7 +13,9 @@ from ..errors import explained
 from ..estimate import Estimate, estimate
 from .inspection import Inspection, inspect
 from .last_bake import slowness
+from .names import BAKE_KEY
 from .operators import Running
+from .originals import shows_originals
 
 
 class Checked:
@@ -24,6 +26,7 @@ class Checked:
 
     found: ClassVar[dict[int, Inspection]] = {}
     stale: ClassVar[set[int]] = set()
+    shown: ClassVar[dict[int, object]] = {}
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> Inspection | None:
@@ -38,6 +41,12 @@ class Checked:
     def keep(cls, scene: bpy.types.Scene, inspection: Inspection) -> None:
         cls.found[scene.session_uid] = inspection
         cls.stale.discard(scene.session_uid)
+        cls.shown[scene.session_uid] = bake_shown(scene)
+
+
+def bake_shown(scene: bpy.types.Scene) -> object:
+    """What changes whenever a bake is written, taken out, or hidden behind the original."""
+    return scene.get(BAKE_KEY), shows_originals(scene)
 
 
 def expected(scene: bpy.types.Scene) -> Estimate:
@@ -129,6 +138,9 @@ def mark_stale(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     uid = scene.session_uid
     if uid not in Checked.found or uid in Checked.stale or Running.progress is not None:
         return
+    before, Checked.shown[uid] = Checked.shown[uid], bake_shown(scene)
+    if before != Checked.shown[uid]:
+        return  # what a check sees is the original, whatever is shown
     if any(update.is_updated_geometry or update.is_updated_transform for update in depsgraph.updates):
         Checked.stale.add(uid)
 
@@ -137,6 +149,7 @@ def mark_stale(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 def forget_all(*_: object) -> None:
     """Another file is opened: the ids of its scenes may be those of others."""
     Checked.found.clear()
+    Checked.shown.clear()
     Checked.stale.clear()
 
 

@@ -79,6 +79,18 @@ def test_moving_an_object_makes_a_check_stale_and_a_new_one_does_not_stay_so() -
     assert not Checked.is_stale(bpy.context.scene)
 
 
+def test_a_check_stays_true_while_bakes_come_and_go() -> None:
+    add_mesh("Floor")
+    add_lamp("POINT")
+    settings = bpy.context.scene.radiosity
+    settings.page_size, settings.quality = 32, "draft"
+    bpy.ops.radiosity.check()
+    for operator in ("bake", "toggle", "toggle", "bake", "revert"):
+        assert getattr(bpy.ops.radiosity, operator)() == {"FINISHED"}
+        bpy.context.view_layer.update()
+        assert not Checked.is_stale(bpy.context.scene), operator
+
+
 def test_another_file_knows_nothing_of_the_check() -> None:
     add_mesh("Floor")
     bpy.ops.radiosity.check()
