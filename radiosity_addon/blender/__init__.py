@@ -19,6 +19,7 @@ def _parts() -> tuple[ModuleType, ...]:
     from . import (
         after_bake,
         export_panel,
+        light_meter,
         object_settings,
         operators,
         overlay_panel,
@@ -28,7 +29,8 @@ def _parts() -> tuple[ModuleType, ...]:
         scene_check,
     )
 
-    return properties, object_settings, operators, scene_check, after_bake, presets, panels, overlay_panel, export_panel
+    operating = (properties, object_settings, operators, scene_check, after_bake, presets, light_meter)
+    return (*operating, panels, overlay_panel, export_panel)
 
 
 def register() -> None:

@@ -119,7 +119,7 @@ def draw_legend(legend: Legend, right: float, bottom: float, scale: float) -> No
     height = 2 * PADDING * scale + TITLE * 1.3 * scale + line * len(legend.notes)
     if legend.scale is not None:
         height += (BAR + 12) * scale + line
-    left, top = right - _width(legend, scale), bottom + height
+    left, top = right - width_of(legend, scale), bottom + height
     gpu.state.blend_set("ALPHA")
     _box(left, bottom, right, top, 6 * scale)
     inner, outer = left + PADDING * scale, right - PADDING * scale
@@ -139,8 +139,8 @@ def draw_legend(legend: Legend, right: float, bottom: float, scale: float) -> No
     gpu.state.blend_set("NONE")
 
 
-def _width(legend: Legend, scale: float) -> float:
-    """As wide as its words, or as a bar asks for."""
+def width_of(legend: Legend, scale: float) -> float:
+    """Pixels that a legend takes: as many as its words, or as a bar asks for."""
     widest = 0.0 if legend.scale is None else WIDTH * scale
     for text, size in ((legend.title, TITLE), *((note, TEXT) for note in legend.notes)):
         blf.size(0, size * scale)

@@ -162,6 +162,7 @@ class RADIOSITY_PT_overlay(bpy.types.Panel):
             cell = grid.row(align=True)
             cell.enabled = name == shown or not missing(context.scene, name)
             cell.operator("radiosity.overlay", text=label, icon=icon, depress=name == shown).show = name
+        layout.operator("radiosity.light_meter", icon="EYEDROPPER")
         if shown == OFF:
             reason = missing(context.scene, "lighting")
             if reason:

@@ -178,6 +178,25 @@ def test_seams_lie_where_the_distance_to_the_border_is_none() -> None:
     assert (nearest(1)[:2] > 0.4).all()
 
 
+def test_a_bake_keeps_what_every_overlay_needs_and_reverting_leaves_nothing() -> None:
+    """A block on a floor: texels below it are invalid."""
+    bpy.ops.mesh.primitive_plane_add(size=4)
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 0, 0.5))
+    bpy.ops.object.light_add(type="SUN", location=(0, 0, 3))
+    scene = bpy.context.scene
+    scene.radiosity.page_size, scene.radiosity.quality = 64, "draft"
+    before = snapshot()
+    assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    assert not any(missing(scene, name) for name in NEEDS)
+    pages = Pages.of(scene)
+    patches, used, invalid = pages.counts
+    assert 100 < patches < used < 64 * 64
+    assert 20 < invalid < used / 4
+    assert {thing.page for thing in in_view().values()} == {0}
+    revert(scene)
+    assert snapshot() == before
+
+
 def test_without_a_window_overlays_are_refused_and_nothing_is_on() -> None:
     baked.quad("Floor")
     before = snapshot()
