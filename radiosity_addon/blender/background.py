@@ -25,26 +25,29 @@ class MainThread:
     """Errands that another thread has the main one run."""
 
     def __init__(self) -> None:
-        self._errands: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._errands: SimpleQueue[Generator[object, None, None]] = SimpleQueue()
+        self._current: Generator[object, None, None] | None = None
         self._waiting: list[Future[None]] = []
         self._closed = False
 
-    def runs(self, work: Callable[P, T]) -> Callable[P, T]:
-        """`work` for the other thread to call: the main one runs it, while the caller waits."""
+    def runs(self, work: Callable[P, Generator[object, None, T]]) -> Callable[P, T]:
+        """`work` for the other thread to call: the main one runs its steps, while the caller waits for the result."""
 
         def errand(*args: P.args, **kwargs: P.kwargs) -> T:
             found: list[T] = []
             done: Future[None] = Future()
 
-            def run() -> None:
+            def run() -> Generator[object, None, None]:
                 try:
-                    found.append(work(*args, **kwargs))
+                    found.append((yield from work(*args, **kwargs)))
                     done.set_result(None)
+                except GeneratorExit:
+                    raise
                 except BaseException as failure:  # noqa: BLE001 it is raised where it was asked for
                     done.set_exception(failure)
 
             self._waiting.append(done)
-            self._errands.put(run)
+            self._errands.put(run())
             if self._closed:
                 raise CancelledError
             done.result()
@@ -52,14 +55,23 @@ class MainThread:
 
         return errand
 
+    @property
+    def busy(self) -> bool:
+        """An errand is being run."""
+        return self._current is not None
+
     def run_errand(self) -> None:
-        """Run what was asked for first, if anything was; called in the main thread."""
-        if not self._errands.empty():
-            self._errands.get()()
+        """Take a step of what was asked for first, if anything was; called in the main thread."""
+        if self._current is None and not self._errands.empty():
+            self._current = self._errands.get()
+        if self._current is not None and next(self._current, self) is self:
+            self._current = None
 
     def close(self) -> None:
-        """Turn away whoever waits, and whoever will ask."""
+        """Turn away whoever waits, and whoever will ask; called in the main thread."""
         self._closed = True
+        if self._current is not None:
+            self._current.close()
         for done in self._waiting:
             done.cancel()
 

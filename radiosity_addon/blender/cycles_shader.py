@@ -9,7 +9,7 @@ attributes. Nothing of the user's is touched, and nothing of ours is left.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
+from ..chunks import finish
 from ..errors import SceneError
 from ..pages.lightmap import grow
 from ..shading import Layout, Quantity
@@ -47,7 +48,11 @@ class CyclesShader:
         self.extraction = extraction
 
     def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:
-        """Colours (page_count, size, size, 3), as Cycles has them.
+        """Colours (page_count, size, size, 3), as Cycles has them; see `steps`."""
+        return finish(self.steps(layout, meshes, quantity))
+
+    def steps(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Generator[None, None, Float32]:
+        """The same, one bake after the other. Until the end nothing else may change the file.
 
         Raises:
             SceneError: the scene or a material is gone, or Cycles is disabled
@@ -66,13 +71,13 @@ class CyclesShader:
         with studio.opened(self.scene_name):
             for page, on_page in zip(pages, parts, strict=True):
                 if on_page:
-                    page[:] = _page(studio, on_page, layout.size)
+                    page[:] = yield from _page(studio, on_page, layout.size)
         return pages
 
 
-def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Float32:
+def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Generator[None, None, Float32]:
     """One page (size, size, 3); surfaces too small to cover the centre of a texel are baked once more, magnified."""
-    colors, known = studio.bake(parts, size)
+    colors, known = yield from studio.bake(parts, size)
     places = [np.clip((part.uv.mean(1) * size).astype(np.int64), 0, size - 1) for part in parts]
     lost = [~known[place[:, 1], place[:, 0]] for place in places]
     count = sum(int(np.count_nonzero(some)) for some in lost)
@@ -86,7 +91,7 @@ def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Float32:
             for part, some, first in zip(parts, lost, firsts, strict=False)
             if some.any()
         ]
-        shown, _ = studio.bake(magnified, side)
+        shown, _ = yield from studio.bake(magnified, side)
         x, y = np.concatenate([place[some] for place, some in zip(places, lost, strict=True)]).T
         colors[y, x] = shown[cell[:, 1], cell[:, 0]]
         known[y, x] = True
@@ -121,7 +126,7 @@ class _Studio:
             bpy.data.scenes.remove(self.scene)
             self.materials.remove()
 
-    def bake(self, parts: Sequence[Part], size: int) -> tuple[Float32, Bools]:
+    def bake(self, parts: Sequence[Part], size: int) -> Generator[None, None, tuple[Float32, Bools]]:
         """Colours (size, size, 3) of the texels whose centres the parts cover, and which those are."""
         colors, known = np.zeros((size, size, 3), np.float32), np.zeros((size, size), bool)
         together = [part for part in parts if not part.surface.apart]
@@ -134,6 +139,7 @@ class _Studio:
             there = shown[:, :, 3] > 0
             colors[window][there] = shown[there, :3]
             known[window] |= there
+            yield
         return colors, known
 
     def _bake_window(self, parts: Sequence[Part], size: int, low: Int64, extent: Int64) -> Float32:

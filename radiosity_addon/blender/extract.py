@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Generator
+from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
 
-from ..arrays import Float32
+from ..arrays import Float32, Int32
+from ..chunks import finish
 from ..errors import SceneError
 from ..scene import Mesh, Scene
 from .evaluation import at_render_settings
@@ -46,7 +49,12 @@ NO_FACES = "it has no faces"
 
 
 def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
-    """Read a scene at render settings. What an earlier bake left in it is looked through.
+    """Read a scene at render settings. What an earlier bake left in it is looked through; see `read_scene`."""
+    return finish(read_scene(scene, only))
+
+
+def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Generator[None, None, Extraction]:
+    """Read a scene in steps. Until the end nothing else may change the file.
 
     Args:
         scene: left as found, but edit modes are flushed
@@ -63,7 +71,9 @@ def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -
             thing.update_from_editmode()
     with as_unbaked(scene):
         reading = at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).read_all())
-    reading.lights.render_world(scene)
+    yield
+    yield from reading.unroll()
+    yield from reading.lights.render_world(scene)
     return reading.extraction()
 
 
@@ -88,6 +98,7 @@ class _Reading:
         self.skipped: dict[str, str] = {}
         self.families = SharedShapes()
         self.instancers: dict[str, set[str]] = defaultdict(set)
+        self.unrolled: dict[int, Callable[[], tuple[Float32, Int32] | None]] = {}
         self.triangles = 0
 
     def read_all(self) -> _Reading:
@@ -107,6 +118,13 @@ class _Reading:
             raise self.nothing_to_bake()
         self.lights.read_world()
         return self
+
+    def unroll(self) -> Generator[None, None, None]:
+        """Lay flat what was made of splines; this needs no Blender any more."""
+        for index, cut in self.unrolled.items():
+            uv, chart = cut() or (None, None)
+            self.meshes[index] = replace(self.meshes[index], uv=uv, chart=chart)
+            yield
 
     def extraction(self) -> Extraction:
         """The records of what was taken in."""
@@ -222,9 +240,8 @@ class _Reading:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
             self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
         uv = kept_uv(mesh, shape, thing.name, settings) if lightmapped else None
-        chart = None
         if splines is not None and lightmapped and uv is None:
-            uv, chart = splines.cut(shape.corner, matrix) or (None, None)
+            self.unrolled[len(self.meshes)] = partial(splines.cut, shape.corner, matrix)
         uv_map, page_group = (getattr(settings, name, "") for name in ("uv_map", "page_group"))
         self.sources.append(
             Source(
@@ -253,7 +270,6 @@ class _Reading:
                 lightmapped=lightmapped,
                 density=getattr(settings, "density", 1.0),
                 uv=uv,
-                chart=chart,
                 shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
                 two_sided=two_sided,
                 page_group=page_group,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal, TypeVar
 
 import bpy
 
@@ -28,7 +28,7 @@ from ..stages import NO_RAYS, Progress
 from ..viewing import Viewer
 from .background import MainThread, in_thread
 from .cycles_shader import CyclesShader
-from .extract import extract_scene
+from .extract import read_scene
 from .extraction import Extraction
 from .last_bake import keep_report
 from .names import TEXELS_KEY
@@ -42,7 +42,20 @@ LEAST_TOLD = 0.001
 """Share of texels outside of what files can hold from which on the user hears of it."""
 
 
-Seat: TypeAlias = Callable[[bpy.types.Scene, Extraction], Viewer]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A place in a window for who looks on at a bake.
+
+    Attributes:
+        taken: gives the viewer, once the scene was read
+        main: runs what only the main thread can
+    """
+
+    taken: Callable[[bpy.types.Scene, Extraction], Viewer]
+    main: MainThread = field(default_factory=MainThread)
 
 
 @dataclass(frozen=True)
@@ -77,8 +90,7 @@ def bake_scene(
     stay is decided by `files`.
 
     Args:
-        seat: gives who looks on a place, once it is known what there will be to see; all that needs no Blender then
-            runs in threads, and steps are short
+        seat: for who looks on in a window: all that needs no Blender then runs in threads, and steps are short
 
     Raises:
         BakeError: with the object or file, the cause and the remedy
@@ -89,27 +101,28 @@ def bake_scene(
         folder = job.folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="radiosity-")))
         files.make_folder(folder)
         files.lock(folder)
-        yield Progress("Read scene", 0.0)
-        extraction = extract_scene(scene, job.objects or None)
+        reading = Progress("Read scene", 0.0)
+        yield reading
+        extraction = yield from _as_part_of(reading, read_scene(scene, job.objects or None))
         read = time.perf_counter()
         shader = CyclesShader(scene, extraction)
         begun = Progress("Unwrap", READING_SHARE)
         if seat is None:
             baked = yield from _scaled(bake(extraction.scene, job.settings, shader))
         else:
-            main = MainThread()
-            steps = bake(extraction.scene, job.settings, main.runs(shader), seat(scene, extraction))
-            baked = yield from in_thread(_scaled(steps), begun, main)
+            viewer = seat.taken(scene, extraction)
+            steps = bake(extraction.scene, job.settings, seat.main.runs(shader.steps), viewer)
+            baked = yield from in_thread(_scaled(steps), begun, seat.main)
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
         writing = _written(last, job, folder, paths, baked, extraction.scene.working_space, files)
         written, seen, maps = yield from writing if seat is None else in_thread(writing, last, wait=None)
         on_disk = time.perf_counter()
-        yield replace(last, stage="Write back")
-        scene = _still_there(scene_name)
-        rows, images = write_back(
-            scene,
+        last = replace(last, stage="Write back")
+        yield last
+        writing_back = write_back(
+            _still_there(scene_name),
             extraction,
             baked.atlas,
             paths,
@@ -117,6 +130,7 @@ def bake_scene(
             mode=job.write_back,
             pack=job.folder is None,
         )
+        rows, images = yield from _as_part_of(last, writing_back)
         for row, kept in zip(images, maps, strict=True):
             bpy.data.images[row["image"]][TEXELS_KEY] = kept
     end = time.perf_counter()
@@ -158,7 +172,7 @@ def bake_scene(
         ],
         ended_in=baked.ended_in,
     )
-    keep_report(scene, report)
+    keep_report(_still_there(scene_name), report)
     return report
 
 
@@ -183,6 +197,19 @@ def _written(
     if not job.looked_at:
         return written, None, maps
     return written, overview(baked.pages, baked.elements, paths, written, wanted, working, workers), maps
+
+
+def _as_part_of(progress: Progress, steps: Generator[object, None, T]) -> Generator[Progress, None, T]:
+    """Steps of a stage that can't tell how far it is."""
+    try:
+        while True:
+            next(steps)
+            yield replace(progress)
+    except StopIteration as stop:
+        result: T = stop.value
+        return result
+    finally:
+        steps.close()
 
 
 def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 
 import bpy
@@ -71,12 +72,12 @@ class LightRecords:
         else:
             self.world = found
 
-    def render_world(self, scene: bpy.types.Scene) -> None:
+    def render_world(self, scene: bpy.types.Scene) -> Generator[None, None, None]:
         """Look at a world that no reading of nodes could tell; no render may be under way."""
         world = self._to_render
         if world is None:
             return
-        sky = render_sky(scene, world, self._notes.hears(f"World {world.name!r}"))
+        sky = yield from render_sky(scene, world, self._notes.hears(f"World {world.name!r}"))
         self.world = replace(self.world, sky=sky)
 
     def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:

@@ -22,6 +22,8 @@ from .names import is_baked
 from .revert import revert
 from .running import Running
 
+IN_FILE = ("Read scene", "Write back")
+"""Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
 WORK_SECONDS = 0.02
@@ -52,7 +54,8 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
-        self._steps = bake_in_place(context.scene, Running.seat)
+        self._seat = Seat(Running.seat)
+        self._steps = bake_in_place(context.scene, self._seat)
         self._timer = context.window_manager.event_timer_add(TICK_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
         Running.begin()
@@ -63,8 +66,9 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             self.cancel(context)
             self.report({"INFO"}, "Bake cancelled, nothing was changed")
             return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
+        if event.type != "TIMER":  # what the bake is doing to the file is not to be disturbed
+            in_file = self._seat.main.busy or Running.progress.stage in IN_FILE
+            return {"RUNNING_MODAL" if in_file else "PASS_THROUGH"}
         try:
             self._take_turn()
         except StopIteration as stop:

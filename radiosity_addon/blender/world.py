@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -87,8 +87,12 @@ def _refuse(text: str) -> None:
     raise _Varies
 
 
-def render_sky(scene: bpy.types.Scene, world: bpy.types.World, warn: Warn) -> tuple[SkyTile, ...]:
+def render_sky(
+    scene: bpy.types.Scene, world: bpy.types.World, warn: Warn
+) -> Generator[None, None, tuple[SkyTile, ...]]:
     """The world's radiance as a diffuse ray sees it: the whole sky, and what of it has to be seen finer; () if black.
+
+    Each step takes a picture. Until the end nothing else may change the file.
 
     Args:
         scene: the one whose world it is; its frame counts
@@ -107,7 +111,10 @@ def render_sky(scene: bpy.types.Scene, world: bpy.types.World, warn: Warn) -> tu
         for sun, size in seen.suns:
             sun.sun_size = size
         edge = BLOCK * FINER
-        finer = [SkyTile(look(window, (edge, edge), FINER_SAMPLES), *window) for window in _unsure(whole, samples)]
+        finer = []
+        for window in _unsure(whole, samples):
+            yield
+            finer.append(SkyTile(look(window, (edge, edge), FINER_SAMPLES), *window))
     return (SkyTile(whole, *WHOLE), *finer)
 
 

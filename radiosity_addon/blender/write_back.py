@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -106,8 +106,10 @@ def write_back(
     recipe: Recipe | None = None,
     mode: Literal["preview", "uv"] = "preview",
     pack: bool = False,
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Put a bake into the .blend, in place of an earlier one of the same scene.
+) -> Generator[None, None, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
+    """Put a bake into the .blend, in place of an earlier one of the same scene, in steps.
+
+    Until the end nothing else may change the file. Closing the generator leaves the scene as it was.
 
     Args:
         scene: the scene that was extracted
@@ -133,13 +135,22 @@ def write_back(
     token = uuid.uuid4().hex
     try:
         recipe = recipe or Recipe("exr", working_space())
-        images = [load_page(path, page, token, recipe, pack=pack) for page, path in enumerate(files)]
+        images = []
+        for page, path in enumerate(files):
+            images.append(load_page(path, page, token, recipe, pack=pack))
+            yield
         replacements = _make_stand_ins(scene, places, extraction, token)
+        yield
+        previews = PreviewMaterials(token, images)
+        if mode == "preview" and not before:  # what is made while an earlier bake is there has to take other names
+            for place in places:
+                _make_previews(place, previews)
+                yield
         if before:
             images = _replace_images(images, before)
             take_out(before)
         scene[BAKE_KEY] = token
-        _switch(places, replacements, images, mode, token)
+        _switch(places, replacements, previews, mode, token)
     except BaseException:
         take_out(token)
         raise
@@ -265,10 +276,9 @@ def _make_stand_ins(
 
 
 def _switch(
-    places: list[_Place], replacements: list[Replacement], images: list[bpy.types.Image], mode: str, token: str
+    places: list[_Place], replacements: list[Replacement], previews: PreviewMaterials, mode: str, token: str
 ) -> None:
     """Show the bake: from here on nothing is expected to fail."""
-    previews = PreviewMaterials(token, images)
     written = set()
     for place in places:
         if place.own_mesh and place.target.data not in written:
@@ -315,6 +325,14 @@ def _write_uv(mesh: bpy.types.Mesh, name: str, uv: Float32, token: str) -> None:
     full[: len(uv)] = uv
     layer.uv.foreach_set("vector", full.ravel())
     mesh.update()
+
+
+def _make_previews(place: _Place, previews: PreviewMaterials) -> None:
+    """Make the materials that `_show_preview` will show."""
+    slots = place.target.material_slots
+    for material in [slot.material for slot in slots] if slots else [None]:
+        back = place.back and place.back[0]
+        previews.of(material, place.page, place.place is not None, back, not place.own_mesh)
 
 
 def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from radiosity_addon.blender.evaluation import at_render_settings
 from radiosity_addon.blender.stand_in import as_unbaked
 from radiosity_addon.blender.write_back import write_back
+from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Mesh, Scene
 
 
@@ -146,4 +147,4 @@ def bake(
     extraction = extract(things, own)
     atlas = atlas_for(extraction, pages)
     files = [page_file(folder / f"radiosity_{page + 1}.exr", value) for page in range(atlas.page_count)]
-    return write_back(bpy.context.scene, extraction, atlas, files, mode=mode, pack=pack)
+    return finish(write_back(bpy.context.scene, extraction, atlas, files, mode=mode, pack=pack))

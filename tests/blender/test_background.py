@@ -20,9 +20,14 @@ def named() -> str:
     return threading.current_thread().name
 
 
+def asked() -> Generator[None, None, str]:
+    yield
+    return named()
+
+
 def test_steps_run_aside_and_their_errands_in_the_main_thread() -> None:
     main = MainThread()
-    ask = main.runs(named)
+    ask = main.runs(asked)
 
     def steps() -> Generator[Progress, None, tuple[str, str]]:
         yield FIRST
@@ -50,15 +55,37 @@ def test_no_turn_waits_for_a_long_step() -> None:
 def test_what_is_raised_reaches_whoever_takes_the_turns(where: str) -> None:
     main = MainThread()
 
-    def fail() -> None:
+    def fail() -> Generator[None, None, None]:
+        yield
         raise ZeroDivisionError
 
     def steps() -> Generator[Progress, None, None]:
         yield FIRST
-        (fail if where == "aside" else main.runs(fail))()
+        finish(fail()) if where == "aside" else main.runs(fail)()
 
     with pytest.raises(ZeroDivisionError):
         finish(in_thread(steps(), FIRST, main))
+
+
+def test_an_errand_that_is_cancelled_in_the_middle_cleans_up() -> None:
+    main, cleaned = MainThread(), []
+
+    def errand() -> Generator[None, None, None]:
+        try:
+            while True:
+                yield
+        finally:
+            cleaned.append(named())
+
+    def steps() -> Generator[Progress, None, None]:
+        yield FIRST
+        main.runs(errand)()
+
+    turns = in_thread(steps(), FIRST, main)
+    while not main.busy:
+        next(turns)
+    turns.close()
+    assert cleaned == [named()]
 
 
 def test_closing_ends_steps_that_wait_for_an_errand() -> None:
@@ -67,7 +94,7 @@ def test_closing_ends_steps_that_wait_for_an_errand() -> None:
     def steps() -> Generator[Progress, None, None]:
         try:
             asked.set()
-            main.runs(named)()
+            main.runs(asked)()
             yield FIRST
         finally:
             closed.set()

@@ -13,6 +13,7 @@ import pytest
 from radiosity_addon.blender import operators
 from radiosity_addon.blender.display_table import EDGE, display_table
 from radiosity_addon.blender.extraction import Extraction
+from radiosity_addon.blender.job import Seat
 from radiosity_addon.blender.running import Running
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
@@ -71,7 +72,7 @@ def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(scene: bpy.ty
     finish(operators.bake_in_place(scene))
     alone = page()
     viewer = Onlooker()
-    finish(operators.bake_in_place(scene, viewer.seat))
+    finish(operators.bake_in_place(scene, Seat(viewer.seat)))
     assert len(viewer.views) > 3
     assert np.array_equal(page(), alone)
 
@@ -81,7 +82,7 @@ def test_a_bake_in_threads_that_is_cancelled_leaves_no_trace(
     stage: str, tmp_path: Path, scene: bpy.types.Scene
 ) -> None:
     before, threads = snapshot(), threading.active_count()
-    steps = operators.bake_in_place(scene, Onlooker().seat)
+    steps = operators.bake_in_place(scene, Seat(Onlooker().seat))
     order = ["Read scene", *STAGES, *AFTER_THE_LIGHT[1:]]  # a thread may be past a stage before it is seen there
     assert any(order.index(progress.stage) >= order.index(stage) for progress in steps)
     steps.close()
@@ -95,7 +96,7 @@ def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.S
     whole = page()
     viewer = Onlooker()
     viewer.satisfied = True
-    report = finish(operators.bake_in_place(scene, viewer.seat))
+    report = finish(operators.bake_in_place(scene, Seat(viewer.seat)))
     assert report.ended_in == "Direct light"
     assert "stopped in stage Direct light" in report.summary()
     assert page().mean() == pytest.approx(whole.mean(), rel=0.03)
@@ -103,7 +104,7 @@ def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.S
 
 
 def test_an_object_renamed_during_the_bake_is_an_error_that_says_what_to_do(scene: bpy.types.Scene) -> None:
-    steps = operators.bake_in_place(scene, Onlooker().seat)
+    steps = operators.bake_in_place(scene, Seat(Onlooker().seat))
     next(steps)
     next(steps)
     bpy.data.objects["Floor"].name = "Ground"

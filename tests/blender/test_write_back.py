@@ -13,6 +13,7 @@ from radiosity_addon.blender.extract import extract_scene
 from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in
 from radiosity_addon.blender.revert import revert
 from radiosity_addon.blender.write_back import write_back
+from radiosity_addon.chunks import finish
 from radiosity_addon.errors import OutputError, SceneError
 from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad
 from tests.blender.datablocks import differences, snapshot
@@ -173,7 +174,7 @@ def test_what_the_extractor_reads_of_each_kind_fits_its_stand_in(tmp_path, kind)
         thing = bpy.context.object
         thing.name = "Thing"
     extraction = extract_scene(bpy.context.scene)
-    write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)])
+    finish(write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)]))
     mesh = bpy.data.objects["Thing (Radiosity)"].data
     corner = extraction.scene.meshes[0].corner
     vertices = np.array([mesh.vertices[mesh.loops[loop].vertex_index].co for loop in corner.ravel()])
@@ -191,7 +192,7 @@ def test_a_library_override_gets_a_stand_in_as_its_mesh_can_not_be_edited(tmp_pa
     wall = bpy.data.objects["Wall"].override_create()
     bpy.context.scene.collection.objects.link(wall)
     extraction = extract_scene(bpy.context.scene)
-    write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)])
+    finish(write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "page.exr", 1)]))
     assert wall.hide_render
     assert UV_MAP in bpy.data.objects["Wall (Radiosity)"].data.uv_layers
     revert(bpy.context.scene)
@@ -309,7 +310,7 @@ def test_an_object_deleted_during_the_bake_is_an_error_that_names_it(tmp_path):
     extraction = extract([wall])
     bpy.data.objects.remove(wall)
     with pytest.raises(SceneError, match="Wall"):
-        write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "p.exr", 1)])
+        finish(write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "p.exr", 1)]))
     assert not bpy.data.images
 
 
@@ -318,7 +319,7 @@ def test_a_mesh_that_lost_faces_during_the_bake_is_an_error_that_names_it(tmp_pa
     extraction = extract([wall])
     wall.data.clear_geometry()
     with pytest.raises(SceneError, match="Wall"):
-        write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "p.exr", 1)])
+        finish(write_back(bpy.context.scene, extraction, atlas_for(extraction), [page_file(tmp_path / "p.exr", 1)]))
 
 
 @pytest.mark.parametrize("content", [None, b"no picture"])
@@ -330,7 +331,7 @@ def test_an_unreadable_page_leaves_the_scene_as_it_was(tmp_path, content):
         page.write_bytes(content)
     before = snapshot()
     with pytest.raises(OutputError, match=r"page\.exr"):
-        write_back(bpy.context.scene, extraction, atlas_for(extraction), [page])
+        finish(write_back(bpy.context.scene, extraction, atlas_for(extraction), [page]))
     assert differences(before, snapshot()) == []
 
 
