@@ -36,6 +36,7 @@ class Verb:
     tolerance: float | None = None
     bounces: str | int | None = None
     threads: int | None = None
+    light_groups: bool | None = None
     write_back: str | None = None
     format: str | None = None
     depth: str | None = None
@@ -99,6 +100,12 @@ def parser(opened: str | None) -> argparse.ArgumentParser:
         type=_bounces,
         metavar="all|scene|N",
         help="how often light is reflected: until none is left, as often as Cycles may, or N times; default: all",
+    )
+    bake.add_argument(
+        "--light-groups",
+        action="store_true",
+        default=None,
+        help="write the light of each light group to pages of its own, too",
     )
     bake.add_argument(
         "--write-back",

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -62,6 +62,7 @@ class Baked:
         elements: the texels, those of hidden pages after the others
         patch: (T,) int32, patch of each texel, negative for none
         ended_in: the stage in which the viewer was satisfied; "" if the bake went to its end
+        apart: of each light group, by name, `pages` with its light alone; empty unless asked for
     """
 
     atlas: Atlas
@@ -78,6 +79,7 @@ class Baked:
     stages: tuple[Stage, ...]
     warnings: tuple[str, ...]
     ended_in: str = ""
+    apart: Mapping[str, list[Float32]] = field(default_factory=dict)
 
 
 PAIRED_PATCHES = 1200
@@ -152,6 +154,9 @@ def bake(
         irradiance[patch_edges(exchange.patches)] *= EDGE_SHADE
     log.viewer = None
     pages = yield from log.stage("Pages", _pages(texels, irradiance, atlas))
+    apart: dict[str, list[Float32]] = {}
+    if settings.light_groups and not ended_in and len(set(scene.groups)) > 1:
+        apart = yield from log.stage("Pages", _pages_apart(scene.groups, texels, irradiance, atlas))
     warnings = (*scene.warnings, *atlas.warnings, *warnings)
     if exchange is not None:
         warnings += looking_away(exchange.patches, exchange.solution.radiosity, every_side.meshes)
@@ -176,6 +181,7 @@ def bake(
         stages=tuple(log.stages),
         warnings=warnings,
         ended_in=ended_in,
+        apart=apart,
     )
 
 
@@ -228,3 +234,15 @@ def _patches_for(wanted: Bools, settings: BakeSettings) -> int:
 def _pages(texels: Texels, irradiance: Float32, atlas: Atlas) -> Fractions[list[Float32]]:
     yield 0.0
     return compose(texels, irradiance, atlas.page_count)
+
+
+def _pages_apart(
+    names: Sequence[str], texels: Texels, irradiance: Float32, atlas: Atlas
+) -> Fractions[dict[str, list[Float32]]]:
+    """Pages of each light group; groups that differ in the number of their bounces only are one."""
+    pages: dict[str, list[Float32]] = {}
+    for name in dict.fromkeys(names):
+        yield len(pages) / len(names)
+        members = [index for index, each in enumerate(names) if each == name]
+        pages[name] = compose(texels, irradiance[:, members], atlas.page_count)
+    return pages

@@ -75,6 +75,7 @@ class BakeSettings:
         subdivisions: how often patches are split where radiosity changes across them, from ever coarser ones
         final_gather: rays bring the light of patches to texels; without, each texel shows its patch's
         show_patches: darken the texels at the edges of patches
+        light_groups: each light group's light on pages of its own, beside those that hold all of it
         threads: worker threads; 0 takes all processors that the process may use
     """
 
@@ -92,6 +93,7 @@ class BakeSettings:
     subdivisions: int = 0
     final_gather: bool = True
     show_patches: bool = False
+    light_groups: bool = False
     threads: int = 0
     workers: int = field(init=False, default=1)
 

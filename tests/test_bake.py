@@ -185,6 +185,17 @@ def test_light_groups_add_up_to_all_lamps_at_once() -> None:
     assert one.mean((0, 1), dtype=np.float64) == pytest.approx(two.mean((0, 1), dtype=np.float64), rel=1e-4)
 
 
+def test_pages_of_light_groups_add_up_to_the_page_and_each_holds_its_own_light() -> None:
+    room = two_lamps(2)
+    third = replace(room.lights[0], name="Third", group=2)
+    baked = bake_of(replace(room, lights=(*room.lights, third), groups=("a", "b", "a")), light_groups=True)
+    (a,), (b,) = baked.apart["a"], baked.apart["b"]
+    np.testing.assert_allclose(a + b, baked.pages[0], rtol=1e-4, atol=1e-4 * baked.pages[0].max())
+    only_b = bake_of(replace(room, lights=room.lights[1:]), light_groups=True)
+    assert [page.max() > 0 for (page,) in only_b.apart.values()] == [False, True]
+    assert bake_of(room).apart == {}, "unless asked for"
+
+
 def test_lamps_baked_apart_add_up_within_the_gathers_noise() -> None:
     both = two_lamps(1)
     together = bake_of(both, quality="medium").pages[0]

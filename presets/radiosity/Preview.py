@@ -13,6 +13,7 @@ settings.most_bounces = 4
 settings.solver = "conjugate-gradient"
 settings.form_factors = "nusselt"
 settings.subdivisions = 0
+settings.light_groups = False
 settings.write_back = "preview"
 settings.files.format = "exr"
 settings.files.depth = "half"

@@ -158,7 +158,10 @@ def _texels(atlas: Atlas, mesh: int) -> int:
 
 def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
     """The scene's settings, and what the command line says in their place."""
-    names = ("density", "page_size", "quality", "form_factors", "subdivisions", "solver", "tolerance", "threads")
+    names = (
+        "density", "page_size", "quality", "form_factors", "subdivisions", "solver", "tolerance", "threads",
+        "light_groups",
+    )  # fmt: skip
     given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
     if verb.bounces is not None:
         given |= {"bounces": None, "clamp_direct": 0.0, "clamp_indirect": 0.0}

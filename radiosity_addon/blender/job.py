@@ -18,7 +18,7 @@ from ..color.spaces import RGBSpace
 from ..errors import SceneError
 from ..files import Transaction
 from ..geometry.sides import backs_of
-from ..pages.page_files import PageFiles, page_paths, sidecar_path, write_pages, write_sidecar
+from ..pages.page_files import PageFiles, group_stems, page_paths, sidecar_path, write_pages, write_sidecar
 from ..pages.page_format import PageFormat
 from ..reports.overview import Overview, overview
 from ..reports.report import BakedObject, Page, Report
@@ -169,8 +169,13 @@ def bake_scene(
             *baked.warnings,
             *_clamped_warnings(paths, written.clamped, job.page_format),
             *_mapped_warning(written),
+            *_unwritten_warning(job, baked),
         ],
         ended_in=baked.ended_in,
+        light_groups={
+            name: _group_paths(job, stem, len(baked.pages))
+            for name, stem in group_stems(job.stem, list(baked.apart)).items()
+        },
     )
     keep_report(_still_there(scene_name), report)
     return report
@@ -189,8 +194,13 @@ def _written(
     yield last
     wanted, workers = job.page_format, job.settings.workers
     written = write_pages(baked.pages, paths, wanted, working, files, workers)
-    if job.folder is not None and wanted.format != "exr":  # an EXR says by itself what it holds
-        write_sidecar(sidecar_path(folder, job.stem), paths, written.recipe, files)
+    if job.folder is not None:
+        _describe(folder, job.stem, paths, written, wanted, files)
+        for name, stem in group_stems(job.stem, list(baked.apart)).items():
+            yield last
+            own = _group_paths(job, stem, len(baked.pages))
+            recipe = write_pages(baked.apart[name], own, wanted, working, files, workers)
+            _describe(folder, stem, own, recipe, wanted, files)
     yield last
     maps = [packed(texel_map(baked.elements, baked.patch, page)) for page in range(len(baked.pages))]
     yield last
@@ -210,6 +220,24 @@ def _as_part_of(progress: Progress, steps: Generator[object, None, T]) -> Genera
         return result
     finally:
         steps.close()
+
+
+def _describe(
+    folder: Path, stem: str, paths: Sequence[Path], written: PageFiles, wanted: PageFormat, files: Transaction
+) -> None:
+    """Say beside the pages how to read them; an EXR says by itself what it holds."""
+    if wanted.format != "exr":
+        write_sidecar(sidecar_path(folder, stem), paths, written.recipe, files)
+
+
+def _group_paths(job: Job, stem: str, pages: int) -> list[Path]:
+    return page_paths(job.folder, stem, pages, job.page_format.suffix) if job.folder else []
+
+
+def _unwritten_warning(job: Job, baked: Baked) -> list[str]:
+    if job.folder or not baked.apart:
+        return []
+    return ["The light groups have no files of their own, as the file is not saved; save it and bake again"]
 
 
 def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:

@@ -239,7 +239,7 @@ class RADIOSITY_PT_solver(SplitPanel, RenderPanel, bpy.types.Panel):
 
 
 class RADIOSITY_PT_light_groups(RenderPanel, bpy.types.Panel):
-    """Which lights are in which light group of the view layer."""
+    """Blender's own light groups: which lights are in which, and whether each gets files of its own."""
 
     bl_label = "Light Groups"
     bl_parent_id = "RADIOSITY_PT_render"
@@ -248,21 +248,28 @@ class RADIOSITY_PT_light_groups(RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         groups = [group.name for group in context.view_layer.lightgroups]
+        if groups:
+            layout.prop(context.scene.radiosity, "light_groups")
+        else:
+            text = "Add light groups to the view layer and assign lamps to them, to get files for each"
+            draw_text(layout, text, "INFO", context, 0)
         members = defaultdict(list)
         for thing in context.scene.objects:
             if thing.lightgroup in groups or thing.type == "LIGHT":
                 members[thing.lightgroup if thing.lightgroup in groups else ""].append(thing)
+        world = context.scene.world
         for name in (*groups, ""):
             box = layout.column(align=True)
             things = members[name]
-            box.label(text=name or "No Group", icon="OUTLINER_OB_LIGHT" if things else "LIGHT")
+            box.label(text=name or "No Group", icon="OUTLINER_OB_LIGHT")
+            if world is not None and (world.lightgroup if world.lightgroup in groups else "") == name:
+                box.label(text=world.name, icon="WORLD")
             for thing in things[:MOST_FINDINGS]:
                 row = box.row()
-                row.label(text=thing.name, icon="BLANK1")
+                row.label(text=thing.name, icon="LIGHT" if thing.type == "LIGHT" else "MESH_DATA")
                 row.operator("radiosity.select", text="", icon="RESTRICT_SELECT_OFF").name = thing.name
             if len(things) > MOST_FINDINGS:
                 box.label(text=f"And {len(things) - MOST_FINDINGS} more", icon="BLANK1")
-        layout.label(text="Lightmaps hold the light of all groups", icon="INFO")
 
 
 class RADIOSITY_PT_advanced(SplitPanel, RenderPanel, bpy.types.Panel):

@@ -122,6 +122,11 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         min=0,
         max=MOST_SUBDIVISIONS,
     )
+    light_groups: BoolProperty(
+        name="Files of Each Group",
+        description="Write the light of each light group to files of its own, too, for engines to dim them apart",
+        default=False,
+    )
     threads: IntProperty(
         name="Threads",
         description="Processors to use, 0 for all",
@@ -167,6 +172,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
             form_factors=self.form_factors,
             subdivisions=self.subdivisions,
             threads=self.threads,
+            light_groups=self.light_groups,
             **(cycles_limits(self.id_data) if self.bounces == "scene" else {}),
             **({"bounces": self.most_bounces} if self.bounces == "number" else {}),
         )

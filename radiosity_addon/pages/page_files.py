@@ -51,6 +51,17 @@ def page_paths(folder: Path, stem: str, count: int, suffix: str = ".exr") -> lis
     return [folder / f"{safe_stem(stem)}_radiosity_{page + 1}{suffix}" for page in range(count)]
 
 
+def group_stems(stem: str, groups: Sequence[str]) -> dict[str, str]:
+    """What the names of each light group's pages begin with, all different and different from `stem`."""
+    stems: dict[str, str] = {}
+    for name in groups:
+        wanted = safe_stem(f"{stem}_{name or 'no_group'}")
+        taken = {each.casefold() for each in stems.values()}
+        numbered = (f"{wanted}_{number}" for number in range(2, len(groups) + 2))
+        stems[name] = next(each for each in (wanted, *numbered) if each.casefold() not in taken)
+    return stems
+
+
 def sidecar_path(folder: Path, stem: str) -> Path:
     """Where the recipe of these pages is written."""
     return folder / f"{safe_stem(stem)}_radiosity.json"

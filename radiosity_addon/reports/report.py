@@ -110,6 +110,7 @@ class Report:
         overview: the light in figures and maps, if it was looked at
         files: what the page files hold
         before, after: pictures of the scene
+        light_groups: of each light group that has files of its own, by name, one for each page
         ended_in: the stage in which the bake was stopped by hand and kept; "" if it went to its end
         stalls: how long a window had to wait, where a bake ran in one
     """
@@ -136,6 +137,7 @@ class Report:
     after: Path | None = None
     ended_in: str = ""
     stalls: Stalls | None = None
+    light_groups: Mapping[str, Sequence[Path]] = field(default_factory=dict)
 
     def summary(self) -> str:
         """What was baked, in one line."""
@@ -166,6 +168,9 @@ class Report:
             },
             "pages": [_page_as_dict(page, folder) for page in self.pages],
             "files": self._files_as_dict(),
+            "light_groups": {
+                name: [_relative(path, folder) for path in paths] for name, paths in self.light_groups.items()
+            },
             "objects": [_as_dict(baked) for baked in self.objects],
             "skipped": [{"object": name, "reason": reason} for name, reason in self.skipped],
             "stages": [

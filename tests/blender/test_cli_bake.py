@@ -92,6 +92,32 @@ def test_a_format_of_pictures_comes_with_its_recipe_and_looks_alike(scene: Path,
     np.testing.assert_allclose(pictures["png16"], pictures["exr"], rtol=0, atol=2 / 255)
 
 
+@pytest.mark.parametrize(("words", "suffixes"), [([], {".exr"}), (["--format", "rgbm"], {".png", ".json"})])
+def test_light_groups_get_files_of_their_own(words: list[str], suffixes: set[str], scene: Path, tmp_path: Path) -> None:
+    open_file(scene)
+    bpy.ops.scene.view_layer_add_lightgroup(name="Key: 1")
+    bpy.data.objects["Sun"].lightgroup = "Key: 1"
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out"
+    line = ["bake", scene, "-o", out / "lit.blend", "--report", out / "lit.json", "--light-groups", *FAST, *words]
+    assert run(*line) == 0
+    listed = json.loads((out / "lit.json").read_text())["light_groups"]
+    assert set(listed) == {"", "Key: 1"}
+    written = {path.name for path in (out / "lit_textures").iterdir()}
+    assert {Path(path).name for paths in listed.values() for path in paths} < written
+    assert {Path(name).suffix for name in written} == suffixes
+    assert len(written) == 3 * len(suffixes)
+    if not words:
+        pages = [read_page(out / paths[0]) for paths in listed.values()]
+        whole = read_page(out / "lit_textures" / "lit_radiosity_1.exr")
+        np.testing.assert_allclose(sum(pages), whole, rtol=0, atol=2e-3)
+        assert [page.max() > 0 for page in pages] == [False, True], "there is no world"
+
+
+def read_page(path: Path) -> np.ndarray:
+    return oiio.ImageInput.open(str(path)).read_image(oiio.FLOAT)[..., :3]
+
+
 def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Path, tmp_path: Path) -> None:
     source = scene.read_bytes()
     out = tmp_path / "out"
@@ -108,8 +134,9 @@ def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Pa
 
     report = json.loads(report_path.read_text())
     assert list(report) == [
-        "scene", "folder", "settings", "working_space", "pages", "files", "objects", "skipped", "stages", "seconds",
-        "texels", "patches", "rays", "tracing", "residual", "residuals", "balance", "light", "renders", "warnings",
+        "scene", "folder", "settings", "working_space", "pages", "files", "light_groups", "objects", "skipped",
+        "stages", "seconds", "texels", "patches", "rays", "tracing", "ended_in", "window", "residual", "residuals",
+        "balance", "light", "renders", "warnings",
     ]  # fmt: skip
     assert report["pages"][0]["file"] == "lit_textures/lit_radiosity_1.exr"
     assert report["pages"][0]["size"] == [64, 64]
