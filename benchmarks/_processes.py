@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tasks that a benchmark measures in processes of their own, so that each has its own time and peak of memory."""
+"""Tasks that a benchmark measures in processes of their own, each with its own time and peak of memory; their log."""
 
 from __future__ import annotations
 
@@ -50,3 +50,9 @@ def answer_task(work: Callable[[dict[str, Any]], dict[str, Any]]) -> bool:
     task = json.loads(sys.argv[sys.argv.index(CHILD) + 1])
     print("\n" + json.dumps(work(task)), flush=True)
     return True
+
+
+def write_log(log: Task, path: Path) -> None:
+    """Keep what was measured."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
