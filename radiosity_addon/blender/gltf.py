@@ -226,15 +226,12 @@ def _hooked(hooks: _Lightmaps) -> Iterator[None]:
 
 @contextmanager
 def _shown(scene: bpy.types.Scene) -> Iterator[None]:
-    """Within, the scene is the one that exporters export."""
-    window = bpy.context.window
-    if window is None:
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
-            yield
-        return
+    """Within, the scene is the one that exporters export: the window's, and of no editor that would name another."""
+    window = bpy.context.window or bpy.context.window_manager.windows[0]
     before, layer = window.scene, window.view_layer
     window.scene = scene
     try:
-        yield
+        with bpy.context.temp_override(window=window, area=None, region=None):
+            yield
     finally:
         window.scene, window.view_layer = before, layer
