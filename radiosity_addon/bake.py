@@ -22,8 +22,9 @@ from .geometry.transmittance import Transmittance, transmittance_of
 from .geometry.validity import solid_triangles, strata_inside
 from .geometry.visibility import Visibility
 from .geometry.walls import Walls, find_walls
+from .lighting.beams import direct_light
 from .lighting.glow import glow_of
-from .lighting.lights import Lamps, direct_irradiance, lamps_of
+from .lighting.lights import Lamps, lamps_of
 from .lighting.sky import sky_of
 from .pages.lightmap import compose
 from .radiosity.bounces import clamped
@@ -120,12 +121,12 @@ def bake(
     sky = sky_of(scene.world)
     suns = () if sky is None else sky.suns
     lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
-    groups = len(scene.groups)
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     live = LiveLight(viewer, first, atlas, texels, look)
     log.viewer, exchange, ended_in = viewer, None, ""
     try:
-        direct = yield from log.stage("Direct light", direct_irradiance(lamps, texels, visibility, settings, groups))
+        lighting = direct_light(lamps, texels, scene, visibility, settings)
+        direct, beams = yield from log.stage("Direct light", lighting)
         live.update(direct=lambda: direct)
         opacity = opacity_of(texels, transmittance)
         if opacity is not None:
@@ -139,6 +140,7 @@ def bake(
             passes=exchange.passes,
             world=world_radiance(scene),
             sky=cell_radiance(sky, scene),
+            beams=None if settings.clamp_indirect else beams,
         )
         if settings.final_gather:
             live.exchanged(lambda: light.irradiance_of_patches(patches))

@@ -12,11 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from .arrays import Float64, Floats
-from .scene import RGB
+from .arrays import Float32, Float64, Floats
+from .scene import RGB, Gloss
 
 MIN_ROUGHNESS = 0.02
 """Below it a facet model is a mirror to three digits, and its quadrature would need more points."""
+
+FRESNEL_STEPS = 32
+"""Intervals of the cosine in which a facet's reflectance is tabulated, then taken as straight: within 1 %."""
 
 Fresnel = Callable[[Float64], Float64]
 """Cosine at the facet (...,) to reflected share (..., 3)."""
@@ -118,6 +121,46 @@ def dielectric_albedo(
 def metal_albedo(roughness: float, color: RGB, edge_tint: RGB = (1.0, 1.0, 1.0), multiscatter: bool = True) -> Float64:
     """`glossy_albedo` of a layer with `metal_fresnel`, read only."""
     return _kept(glossy_albedo(roughness, metal_fresnel(np.array(color), np.array(edge_tint)), multiscatter))
+
+
+@lru_cache(maxsize=4096)
+def dielectric_gloss(roughness: float, ior: float, tint: RGB = (1.0, 1.0, 1.0), scale: float = 1.0) -> Gloss:
+    """The facets of a layer with `dielectric_fresnel`."""
+    return glossy_facets(roughness, dielectric_fresnel(ior, np.array(tint), scale))
+
+
+@lru_cache(maxsize=4096)
+def metal_gloss(roughness: float, color: RGB, edge_tint: RGB = (1.0, 1.0, 1.0)) -> Gloss:
+    """The facets of a layer with `metal_fresnel`."""
+    return glossy_facets(roughness, metal_fresnel(np.array(color), np.array(edge_tint)))
+
+
+def glossy_facets(roughness: float, fresnel: Fresnel) -> Gloss:
+    """What facets reflect at once; what bounces between them leaves as from a diffuse surface."""
+    rough = max(roughness, MIN_ROUGHNESS)
+    steps = fresnel(np.linspace(0, 1, FRESNEL_STEPS + 1)).tolist()
+    albedo = glossy_albedo(rough, fresnel, multiscatter=False)
+    return Gloss(rough**2, tuple((red, green, blue) for red, green, blue in steps), tuple(albedo.tolist()))
+
+
+def facets_towards(width: Float32, normal: Float32, light: Float32, eye: Float32) -> tuple[Float32, Float32]:
+    """Reflectance distribution of facets that reflect all, 1/sr, and the cosine at those that do; both (R,).
+
+    Args:
+        width: (R,) of GGX
+        normal, light, eye: (R, 3) unit: of the surface, towards what shines, and towards what looks on
+    """
+    half = light + eye
+    half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), np.float32(1e-6))
+    across, seen, facet = (
+        np.maximum(np.einsum("ij,ij->i", one, other), np.float32(1e-4))
+        for one, other in ((normal, light), (normal, eye), (normal, half))
+    )
+    squared = width * width
+    spread = facet * facet * (squared - 1) + 1
+    masked = across * np.sqrt(squared + (1 - squared) * seen**2) + seen * np.sqrt(squared + (1 - squared) * across**2)
+    share: Float32 = squared / (np.float32(np.pi) * spread * spread) * np.float32(0.5) / masked
+    return share, np.minimum(np.einsum("ij,ij->i", half, eye), 1)
 
 
 def _kept(values: Float64) -> Float64:

@@ -24,8 +24,33 @@ MAX_REFLECTANCE = 0.999
 
 
 @dataclass(frozen=True)
+class Gloss:
+    """A layer of facets: the part of a reflectance that throws light of suns in one direction more than in others.
+
+    Attributes:
+        width: of GGX, the square of the roughness that artists set
+        fresnel: share that a facet reflects at cosines evenly spaced from 0 to 1
+        albedo: share of uniform light that facets reflect at once; a part of its material's reflectance
+    """
+
+    width: float
+    fresnel: tuple[RGB, ...]
+    albedo: RGB
+
+    def __mul__(self, factor: RGB) -> Gloss:
+        """The layer, dimmed by the channel."""
+
+        def dimmed(color: RGB) -> RGB:
+            return (color[0] * factor[0], color[1] * factor[1], color[2] * factor[2])
+
+        return replace(self, fresnel=tuple(dimmed(color) for color in self.fresnel), albedo=dimmed(self.albedo))
+
+
+@dataclass(frozen=True)
 class Material:
-    """A diffuse surface. All its quantities are of the surface as a whole: a half clear one reflects half as much.
+    """A surface that reflects light as a diffuse one, but for that of suns on gloss.
+
+    All its quantities are of the surface as a whole: a half clear one reflects half as much.
 
     Attributes:
         name: for messages
@@ -34,6 +59,7 @@ class Material:
         group: light group of the emission, index into Scene.groups
         transmittance: share of the light that goes straight on, each channel in [0, 1]
         ior: index of refraction of clear glass: the transmittance is then a mean, and follows the angle; 1 for others
+        glosses: layers of facets that are part of the reflectance; none where it varies over the surface how they look
         varies: which of these change over the surface; a Shader tells them, the values here are their means
     """
 
@@ -43,6 +69,7 @@ class Material:
     group: int = 0
     transmittance: RGB = (0.0, 0.0, 0.0)
     ior: float = 1.0
+    glosses: tuple[Gloss, ...] = ()
     varies: frozenset[Quantity] = frozenset()
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import bpy
@@ -16,8 +16,8 @@ import numpy as np
 
 from ..arrays import Float64
 from ..errors import SceneError
-from ..microfacet import dielectric_albedo, mean_pane_transmittance, metal_albedo
-from ..scene import MAX_REFLECTANCE, RGB, Material
+from ..microfacet import dielectric_albedo, dielectric_gloss, mean_pane_transmittance, metal_albedo, metal_gloss
+from ..scene import MAX_REFLECTANCE, RGB, Gloss, Material
 from ..shading import QUANTITIES, Quantity
 from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
 
@@ -37,23 +37,33 @@ StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
 class Shading:
     """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each.
 
-    `refracted` is the transmittance times the index of refraction of what lets light pass.
+    `refracted` is the transmittance times the index of refraction of what lets light pass; `glosses` are part of the
+    reflectance.
     """
 
     reflectance: Float64 = field(default_factory=lambda: BLACK)
     emission: Float64 = field(default_factory=lambda: BLACK)
     transmittance: Float64 = field(default_factory=lambda: BLACK)
     refracted: Float64 = field(default_factory=lambda: BLACK)
+    glosses: tuple[Gloss, ...] = ()
 
     def __add__(self, other: Shading) -> Shading:
-        return Shading(*(one + two for one, two in zip(self._parts, other._parts, strict=True)))
+        sums = (one + two for one, two in zip(self._parts, other._parts, strict=True))
+        return Shading(*sums, glosses=self.glosses + other.glosses)
 
     def __mul__(self, factor: float | Float64) -> Shading:
-        return Shading(*(part * factor for part in self._parts))
+        share = rgb(np.broadcast_to(factor, 3))
+        return Shading(*(part * factor for part in self._parts), glosses=tuple(gloss * share for gloss in self.glosses))
 
     @property
     def _parts(self) -> tuple[Float64, ...]:
         return self.reflectance, self.emission, self.transmittance, self.refracted
+
+    def unlike(self, other: Shading) -> frozenset[str]:
+        """Names of what is not the same."""
+        names = ("reflectance", "emission", "transmittance", "refracted")
+        parts = zip(names, self._parts, other._parts, strict=True)
+        return frozenset(name for name, one, two in parts if (one != two).any())
 
 
 NOTHING = Shading()
@@ -102,6 +112,7 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
         ior=float(np.clip(shading.refracted.sum() / max(transmittance.sum(), 1e-9), 1, None))
         if transmittance.any()
         else 1.0,
+        glosses=() if transmittance.any() or "transmittance" in varies else shading.glosses,
         varies=varies,
     )
 
@@ -137,8 +148,9 @@ def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozens
     if not guesses[0].made:
         return first, frozenset()
     second = _as_rays_meet_it(tree, guesses[1])
-    differ = {part.name for part in fields(Shading) if (getattr(first, part.name) != getattr(second, part.name)).any()}
+    differ = first.unlike(second)
     mean = _as_rays_meet_it(tree, lambda node, name, groups: likely(node.inputs[name], groups))
+    mean = replace(mean, glosses=mean.glosses if first.glosses == second.glosses else ())
     return mean, frozenset(quantity for quantity in QUANTITIES if quantity in differ)
 
 
@@ -239,12 +251,14 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
         ior = max(reader.number(node, "IOR", groups), 1.0)
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
         gloss = dielectric_albedo(roughness, ior, rgb(tint), 2 * level, multiscatter)
-        shading = Shading(gloss + (1 - gloss.max()) * base) * (1 - transmission)
+        facets = (dielectric_gloss(roughness, ior, rgb(tint), 2 * level),)
+        shading = Shading(gloss + (1 - gloss.max()) * base, glosses=facets) * (1 - transmission)
         # what goes in and comes out again passes two surfaces, and is coloured once
         through = glass(np.sqrt(np.clip(base, 0, 1)), ior)
         shading = shading + replace(through, reflectance=through.reflectance.max() * WHITE) * transmission
     if metallic > 0:
-        metal = Shading(metal_albedo(roughness, rgb(base), rgb(tint), multiscatter))
+        facets = (metal_gloss(roughness, rgb(base), rgb(tint)),)
+        metal = Shading(metal_albedo(roughness, rgb(base), rgb(tint), multiscatter), glosses=facets)
         shading = metal * metallic + shading * (1 - metallic)
     emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
     shading = shading + Shading(emission=emission)
@@ -252,7 +266,8 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     if coat > 0:
         rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
         gloss = coat * dielectric_albedo(rough, max(ior, 1.0), multiscatter=False)
-        shading = shading * (1 - gloss) + Shading(gloss)
+        facets = (dielectric_gloss(rough, max(ior, 1.0)),)
+        shading = shading * (1 - gloss) + Shading(gloss, glosses=(Shading(glosses=facets) * coat).glosses)
         if (reader.color(node, "Coat Tint", groups) < 1).any():
             reader.warn(f"the coat of {node.name} is taken as clear, without its tint")
     if transmission > 0:
@@ -299,10 +314,11 @@ def _portal(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
 
 def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     color = reader.color(node, "Color", groups)
-    if node.distribution == "MULTI_GGX":
-        return Shading(color)  # the facets' own losses are given back
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(color * metal_albedo(roughness, (1.0, 1.0, 1.0), multiscatter=False))
+    facets = (metal_gloss(roughness, rgb(WHITE)),)
+    if node.distribution == "MULTI_GGX":
+        return Shading(WHITE, glosses=facets) * color  # the facets' own losses are given back
+    return Shading(metal_albedo(roughness, rgb(WHITE), multiscatter=False), glosses=facets) * color
 
 
 def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -310,7 +326,8 @@ def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
         reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
     base, edge = (rgb(reader.color(node, name, groups)) for name in ("Base Color", "Edge Tint"))
     roughness = reader.share(node, "Roughness", groups)
-    return Shading(metal_albedo(roughness, base, edge, node.distribution == "MULTI_GGX"))
+    albedo = metal_albedo(roughness, base, edge, node.distribution == "MULTI_GGX")
+    return Shading(albedo, glosses=(metal_gloss(roughness, base, edge),))
 
 
 def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:

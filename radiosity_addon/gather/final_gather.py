@@ -21,6 +21,7 @@ from ..radiosity.patches import Patches
 from ..settings import BakeSettings
 from .gather_points import coarsest_width, part_at_walls, place_points
 from .gather_rays import GatherRays
+from .gleams import Gleams
 from .irradiance_fit import fit_irradiance
 from .neighbours import find_neighbours
 
@@ -47,7 +48,8 @@ def final_gather(
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     bright = light.radiance(len(light.passes) - 1, patches)
-    rays = GatherRays(texels, patches, visibility, settings, bright.sum(1))
+    gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
+    rays = GatherRays(texels, patches, visibility, settings, bright.sum(1), gleams)
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
     points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
@@ -57,6 +59,8 @@ def final_gather(
         table = light.radiance(number, patches, irradiance if number else None, points.cell)
         low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
         irradiance = yield from scaled(tally.sum(table, workers), low, high)
+        if tally.gleams is not None:
+            irradiance += tally.gleams * np.repeat(light.passes[number].reflecting, 3)
         if gathered is not None:
             gathered(irradiance, points.cell)
     del table, tally

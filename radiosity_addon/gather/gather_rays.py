@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from ..radiosity.patches import NOTHING, SKY, Patches
 from ..sampling import cosine_directions, even_uniform
 from ..settings import BakeSettings
 from .gather_points import GatherPoints, cell_keys
+from .gleams import Gleams
 from .guiding import direction_bins, directions_in, draw_bins, pool
 
 BELOW = -3
@@ -66,6 +68,7 @@ class Tally:
         counts: of rays in a row
         fine: (P,) bool, points that sent only part of them
         tints: (P, R, 3) float16, what colours the light on the way of a ray; None: nothing
+        gleams: (P, C) float32, W/m2, what gloss adds to the irradiance of all elements; None: nothing
     """
 
     elements: Int32
@@ -73,6 +76,7 @@ class Tally:
     counts: RayCounts
     fine: Bools
     tints: Float16 | None = None
+    gleams: Float32 | None = None
 
     def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
         """Irradiance (P, C), W/m2, under radiances `table` (elements, C).
@@ -109,11 +113,39 @@ class Tally:
         return total
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Gleams that K rays see: of which point and in which column of its row they are, and their light (K, C)."""
+
+    point: Int64
+    column: Int64
+    light: Float32
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Seen]) -> _Seen:
+        point, column, light = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("point", "column", "light")
+        )
+        return cls(point, column, light)
+
+    def irradiance(self, weights: Float32) -> Float32:
+        """What they bring to each of P points: (P, C) float32, by the weights (P, R) of rays."""
+        weight = weights[self.point, self.column].astype(np.float64)
+        columns = [np.bincount(self.point, weight * light, len(weights)) for light in self.light.T]
+        return np.stack(columns, axis=1).astype(np.float32)
+
+
 class GatherRays:
     """Traces the rays of gather points, chosen bit by bit."""
 
     def __init__(
-        self, texels: Texels, patches: Patches, visibility: Visibility, settings: BakeSettings, bright: Float32
+        self,
+        texels: Texels,
+        patches: Patches,
+        visibility: Visibility,
+        settings: BakeSettings,
+        bright: Float32,
+        gleams: Gleams | None = None,
     ) -> None:
         self._texels, self._patches, self._visibility = texels, patches, visibility
         self._workers = settings.workers
@@ -126,6 +158,8 @@ class GatherRays:
         self._fine: list[Bools] = []
         self._tints: list[Float16] = []
         self._tinted = visibility.channels > 1
+        self._gleams = gleams
+        self._seen: list[_Seen] = []
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
         """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
@@ -136,9 +170,10 @@ class GatherRays:
         bins = np.zeros(elements.shape, np.uint16)
         tints = np.ones((*elements.shape, 3) if self._tinted else 0, np.float16)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
+        before = sum(map(len, self._elements))
 
-        def trace(first: int, last: int, pilots: int) -> Fractions[list[None]]:
-            def work(start: int, stop: int) -> None:
+        def trace(first: int, last: int, pilots: int) -> Fractions[list[_Seen | None]]:
+            def work(start: int, stop: int) -> _Seen | None:
                 part = slice(first + start, first + stop)
                 rows = np.repeat(np.arange(stop - start), pilots)
                 texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
@@ -152,18 +187,27 @@ class GatherRays:
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
                 harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
                 light[part] = self._bright[elements[part, :pilots]].mean(1)
+                return self._gleaming(element, directions, before + first + start + rows, column)
 
             return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
 
         coarse = len(chosen) - int(np.count_nonzero(fine))
         share = coarse / max(1, len(chosen))
-        yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
-        yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
+        seen = yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
+        seen += yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
+        self._seen += [part for part in seen if part is not None]
         self._elements.append(elements)
         self._bins.append(bins)
         self._fine.append(fine)
         self._tints.append(tints)
         return harmonic, nearest, light
+
+    def _gleaming(self, element: Int32, directions: Float32, point: Int64, column: Int64) -> _Seen | None:
+        """What rays (R,) of points (R,) see of suns in gloss."""
+        if self._gleams is None:
+            return None
+        ray, light = self._gleams.seen(element, directions)
+        return _Seen(point[ray], column[ray], light)
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
         """Distance (Q,), m, from texels to the next surface along the normal."""
@@ -216,8 +260,9 @@ class GatherRays:
         cuts = np.append(begin[np.unique(np.searchsorted(begin, wanted))[:-1]] if len(begin) else begin, points.count)
         cuts = np.unique(np.concatenate([[0], cuts]))
 
-        def work(start: int, stop: int) -> None:
+        def work(start: int, stop: int) -> list[_Seen]:
             low, high = int(cuts[start]), int(cuts[stop])
+            gleaming = []
             mine = order[low:high]
             pools = np.searchsorted(begin, np.arange(low, high), side="right") - 1
             rank = np.arange(low, high) - begin[pools]
@@ -236,23 +281,33 @@ class GatherRays:
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
                 lit = density.any(1)[fold[here]]
-                element, cosine, tint = self._guide(points.texel[points_here], drawn, lit)
+                element, cosine, tint, seen_there = self._guide(points.texel[points_here], drawn, lit)
                 elements[points_here, pilots : pilots + rest] = element
+                if seen_there is not None:
+                    gleaming.append(
+                        replace(seen_there, point=points_here[seen_there.point], column=seen_there.column + pilots)
+                    )
                 if tints is not None and tint is not None:
                     tints[points_here, pilots : pilots + rest] = tint
                 seen = density[fold[here, None], drawn]
                 weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
+            return gleaming
 
-        yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
-        return Tally(elements, weights, self._counts, fine, tints)
+        guided_seen = yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
+        self._seen += [part for parts in guided_seen for part in parts]
+        gleams = _Seen.joined(self._seen).irradiance(weights) if self._seen else None
+        self._seen = []
+        return Tally(elements, weights, self._counts, fine, tints, gleams)
 
     def _pilot_cosines(self, texel: Int64, pilots: int) -> Float32:
         """Cosines (Q, pilots) of pilot rays with their shading normals."""
         u = even_uniform(np.repeat(texel, pilots), np.tile(np.arange(pilots), len(texel)), 0)
         return np.asarray(np.sqrt(1 - u).reshape(-1, pilots), np.float32)
 
-    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None]:
+    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None, _Seen | None]:
         """Elements, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
+
+        And the gleams that they see.
 
         Args:
             lit: (Q,) bool, texels whose bins were drawn from light; no others send rays
@@ -268,12 +323,13 @@ class GatherRays:
         sent = np.flatnonzero(cosine)
         element = np.full(len(rows), BELOW, np.int32)
         element[sent], hits = self._trace(texel, rows[sent], sample[sent], directions[sent])
+        gleaming = self._gleaming(element[sent], directions[sent], rows[sent], sample[sent])
         tint = None
         if hits.tint is not None:
             tint = np.ones((len(rows), 3), np.float32)
             tint[sent] = hits.tint
             tint = tint.reshape(*drawn.shape, 3)
-        return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint
+        return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint, gleaming
 
 
 def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:

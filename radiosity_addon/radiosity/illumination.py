@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Bools, Float32, Float64, Int32
 from ..geometry.appearance import Appearance
 from ..geometry.visibility import Visibility
+from ..lighting.beams import Beams
 from ..lighting.lights import Lamps, irradiance_at
 from ..lighting.sky import Sky
 from ..scene import Scene
@@ -117,6 +118,7 @@ class Illumination:
         passes: the light of patches, for each gather pass
         world: (G, 3) float32, W/(m2 sr), seen by rays that leave where the sky is alike everywhere
         sky: (C, G, 3) float32, W/(m2 sr), of the cells of a sky that is not; rows after the patches'
+        beams: what of `direct` comes from suns on glossy texels, if any; it does not leave them as from diffuse ones
     """
 
     look: Appearance
@@ -124,6 +126,7 @@ class Illumination:
     passes: tuple[PatchLight, ...]
     world: Float32
     sky: Float32
+    beams: Beams | None = None
 
     def irradiance_of_patches(self, patches: Patches) -> Float32:
         """Irradiance (T, G, 3), W/m2, of each texel's patch, from other patches and the sky; 0 where there is none."""

@@ -52,7 +52,7 @@ PLANS = {
     "cornell_box": Plan(0.016, 1024, folder=SAMPLES),
     "window_room": Plan(0.016, 1024, count=160, folder=SAMPLES, inside=np.array([[0.0, 0.0, 0.0], [4.0, 5.0, 2.7]])),
     "interior": Plan(
-        0.025, 768, count=300, folder=SAMPLES, inside=np.array([[-0.2, -0.01, -0.01], [6.01, 5.01, 2.81]])
+        0.0125, 1024, count=300, folder=SAMPLES, inside=np.array([[-0.2, -0.01, -0.01], [6.01, 5.01, 2.81]])
     ),
     "attic": Plan(0.017, 512, inside=np.array([[-0.01, -0.01, -0.01], [5.01, 6.01, 3.31]])),
     "office": Plan(0.026, 512, count=160, without=(*MONITORS, "Desk Lamp Hood 1", "Desk Lamp Hood 2")),

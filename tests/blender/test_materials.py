@@ -122,6 +122,27 @@ def test_a_mix_by_is_camera_ray_shows_what_light_meets():
     assert tree.read() == Material("Material", GREY)
 
 
+def test_gloss_is_told_apart_as_part_of_the_reflectance():
+    tree = Tree()
+    glaze = tree.node("BsdfPrincipled", Base_Color=(0, 0, 0), Roughness=0.5)
+    chalk = tree.node("BsdfDiffuse", Color=(0, 0, 0))
+    mix = tree.node("MixShader", Fac=0.25)
+    tree.link(chalk, mix, 1)
+    tree.link(glaze, mix, 2)
+    tree.show(mix)
+    material = tree.read()
+    (gloss,) = material.glosses
+    assert gloss.width == pytest.approx(0.25)
+    assert gloss.albedo == pytest.approx(material.reflectance, rel=0.02)  # a little bounces between facets
+    assert gloss.fresnel[-1] == pytest.approx((0.25 * 0.04,) * 3, rel=1e-3)
+
+
+def test_what_lets_light_pass_has_no_gloss():
+    tree = Tree()
+    tree.show(tree.node("BsdfPrincipled", Roughness=0.5, Alpha=0.5))
+    assert tree.read().glosses == ()
+
+
 def test_constants_are_followed_through_reroutes_and_colour_nodes():
     tree = Tree()
     colour = tree.node("RGB")
