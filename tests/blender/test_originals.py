@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,7 @@ from radiosity_addon.blender.names import is_preview, is_stand_in
 from radiosity_addon.blender.originals import show_bake, show_originals, shows_originals
 from radiosity_addon.blender.revert import revert
 from radiosity_addon.blender.stand_in import VISIBILITY
+from tests.blender import instanced
 from tests.blender.baked import bake, diffuse, quad
 from tests.blender.datablocks import differences, snapshot
 
@@ -43,7 +45,7 @@ def looks() -> dict[str, object]:
     }
 
 
-def seen(kind: object = bool) -> set[str]:
+def seen() -> set[str]:
     """Objects that are rendered."""
     return {thing.name for thing in bpy.context.scene.objects if not thing.hide_render}
 
@@ -123,3 +125,19 @@ def test_the_state_is_saved_with_the_file(things: list[bpy.types.Object], tmp_pa
     assert looks() == before
     show_bake(bpy.context.scene)
     assert looks() == lit
+
+
+@pytest.mark.parametrize("make", [instanced.collections, instanced.objects, instanced.particles, instanced.node_meshes])
+def test_instances_are_shown_as_before_and_again_as_baked(make: Callable[[], None]) -> None:
+    instanced.stage()
+    make()
+    before, rendered = snapshot(), seen()
+    instanced.bake(page_size=128)
+    lit, stand_ins = looks(), seen()
+    show_originals(bpy.context.scene)
+    assert seen() == rendered
+    show_bake(bpy.context.scene)
+    assert (looks(), seen()) == (lit, stand_ins)
+    show_originals(bpy.context.scene)
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
