@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import bpy
@@ -70,18 +69,19 @@ SETTINGS = tuple(RadiosityObjectSettings.__annotations__)
 """Names of the settings, as they stand in the panel."""
 
 
-def others_that_differ(context: bpy.types.Context, name: str = "") -> list[bpy.types.Object]:
-    """Selected objects whose setting of this name, or any setting, is not as the active object has it."""
+def differing(context: bpy.types.Context) -> dict[str, list[bpy.types.Object]]:
+    """Of each setting the selected objects whose value is not the active object's; under "" those of any setting."""
     active = context.object
-    names = (name,) if name else SETTINGS
-    wanted = [getattr(active.radiosity, each) for each in names]
-    return [
-        thing
-        for thing in context.selected_objects
-        if thing != active
-        and thing.type in SURFACES
-        and any(getattr(thing.radiosity, each) != value for each, value in zip(names, wanted, strict=True))
-    ]
+    wanted = [(name, getattr(active.radiosity, name)) for name in SETTINGS]
+    found: dict[str, list[bpy.types.Object]] = {name: [] for name in ("", *SETTINGS)}
+    for thing in context.selected_objects:
+        if thing == active or thing.type not in SURFACES:
+            continue
+        settings = thing.radiosity
+        differs = [name for name, value in wanted if getattr(settings, name) != value]
+        for name in (*differs, *([""] if differs else [])):
+            found[name].append(thing)
+    return found
 
 
 class RADIOSITY_OT_copy_settings(bpy.types.Operator):
@@ -106,7 +106,7 @@ class RADIOSITY_OT_copy_settings(bpy.types.Operator):
         if self.name and self.name not in SETTINGS:
             self.report({"ERROR"}, f"There is no setting named {self.name!r}; there are {', '.join(SETTINGS)}")
             return {"CANCELLED"}
-        changed = [thing for thing in others_that_differ(context, self.name) if thing.is_editable]
+        changed = [thing for thing in differing(context)[self.name] if thing.is_editable]
         for thing in changed:
             for name in (self.name,) if self.name else SETTINGS:
                 setattr(thing.radiosity, name, getattr(context.object.radiosity, name))
@@ -133,7 +133,8 @@ class RADIOSITY_PT_object(bpy.types.Panel):
         layout.use_property_decorate = False
         thing = context.object
         settings = thing.radiosity
-        several = sum(other.type in SURFACES for other in context.selected_objects) > 1
+        several = len(context.selected_objects) > 1
+        others = differing(context) if several else {}
 
         def line(part: bpy.types.UILayout, name: str) -> None:
             row = part.row(align=True)
@@ -141,7 +142,7 @@ class RADIOSITY_PT_object(bpy.types.Panel):
                 row.prop_search(settings, name, thing.data, "uv_layers")
             else:
                 row.prop(settings, name)
-            if several and others_that_differ(context, name):
+            if others.get(name):
                 row.operator("radiosity.copy_settings", text="", icon="DUPLICATE").name = name
 
         line(layout, "exclude")
@@ -155,12 +156,11 @@ class RADIOSITY_PT_object(bpy.types.Panel):
         if thing.type == "CURVE":
             line(taking_part, "tube_radius")
         if several:
-            draw_selection(layout, others_that_differ(context))
+            draw_selection(layout, len(others[""]))
 
 
-def draw_selection(layout: bpy.types.UILayout, differing: Sequence[bpy.types.Object]) -> None:
+def draw_selection(layout: bpy.types.UILayout, count: int) -> None:
     """How many of the selected objects have other settings, and a button that makes them alike."""
-    count = len(differing)
     what = "1 other selected object differs" if count == 1 else f"{count} other selected objects differ"
     layout.label(text=what if count else "All selected objects agree", icon="OBJECT_DATA")
     button = layout.row()

@@ -4,7 +4,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.object_settings import SETTINGS, others_that_differ
+from radiosity_addon.blender.object_settings import SETTINGS, differing
 from tests.blender.built import add_lamp, add_mesh, extract
 
 
@@ -45,10 +45,10 @@ def test_what_is_not_selected_stays(three: list[bpy.types.Object]) -> None:
 
 def test_selected_objects_that_differ_are_counted_by_setting(three: list[bpy.types.Object]) -> None:
     _, b, c = three
-    assert others_that_differ(bpy.context) == []
+    assert not any(differing(bpy.context).values())
     b.radiosity.density, c.radiosity.exclude = 2.0, True
-    assert others_that_differ(bpy.context) == [b, c]
-    assert others_that_differ(bpy.context, "density") == [b]
+    assert differing(bpy.context)[""] == [b, c]
+    assert differing(bpy.context)["density"] == [b]
 
 
 def test_an_unknown_setting_is_refused(three: list[bpy.types.Object]) -> None:
