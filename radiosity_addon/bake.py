@@ -13,6 +13,7 @@ from .atlas.unwrap import Atlas, build_atlas
 from .chunks import Fractions, scaled, while_aside
 from .errors import SceneError
 from .gather.final_gather import final_gather
+from .gather.own_error import OwnError, own_error
 from .geometry.appearance import Appearance, appearance_of
 from .geometry.opacity import opacity_of
 from .geometry.sides import with_backs
@@ -27,7 +28,7 @@ from .lighting.glow import glow_of
 from .lighting.lights import Lamps, lamps_of
 from .lighting.sky import sky_of
 from .pages.lightmap import compose
-from .radiosity.bounces import clamped
+from .radiosity.bounces import bounce_limits, clamped
 from .radiosity.exchange import Start, exchange_light
 from .radiosity.facing import looking_away
 from .radiosity.first_light import FirstLight
@@ -59,6 +60,7 @@ class Baked:
         rays: all rays traced
         residual: unshot share of the emitted power when the solver stopped
         residuals: the same at the start and after every step
+        error: what the pages' light errs by, as a check of some texels found; None where there was none
         balance: where the light between patches has gone; None if none went
         elements: the texels, those of hidden pages after the others
         patch: (T,) int32, patch of each texel, negative for none
@@ -74,6 +76,7 @@ class Baked:
     rays: int
     residual: float
     residuals: tuple[float, ...]
+    error: OwnError | None
     balance: Balance | None
     elements: Texels
     patch: Int32
@@ -123,7 +126,7 @@ def bake(
     lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     live = LiveLight(viewer, first, atlas, texels, look)
-    log.viewer, exchange, ended_in = viewer, None, ""
+    log.viewer, exchange, error, ended_in = viewer, None, None, ""
     try:
         lighting = direct_light(lamps, texels, scene, visibility, settings)
         direct, beams = yield from log.stage("Direct light", lighting)
@@ -149,6 +152,12 @@ def bake(
         else:
             indirect = light.irradiance_of_patches(patches)
         live.update(indirect=lambda: indirect)
+        log.viewer = None  # the light is there
+        counted = any(limit is not None for limit in bounce_limits(scene, settings))
+        check = own_error(
+            texels, patches, light, lamps, direct, indirect, counted, wanted, visibility, settings.workers
+        )
+        error = yield from log.stage("Check", check)
         irradiance = clamped(direct, look.reflectance, settings.clamp_direct) + indirect
     except Satisfied as stage:
         irradiance, ended_in = live.irradiance(), str(stage)
@@ -176,6 +185,7 @@ def bake(
         residual=log.residual,
         residuals=exchange.solution.residuals if exchange is not None else (),
         balance=exchange.solution.balance if exchange is not None else None,
+        error=error,
         elements=texels,
         patch=exchange.patches.of_element[: texels.count]
         if exchange is not None

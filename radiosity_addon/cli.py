@@ -99,7 +99,8 @@ def _say_warnings(warnings: Sequence[str], verb: Verb, meter: Meter) -> None:
 def _say_result(report: Report, verb: Verb, meter: Meter) -> None:
     _say_warnings(report.warnings, verb, meter)
     figures = f"{report.texels:,} texels, {report.patches:,} patches, {short_count(report.rays)} rays"
-    meter.say(f"{report.summary()}: {figures}, residual {report.residual:.2g}")
+    error = f", estimated error {report.error.rms:.1%}" if report.error else ""
+    meter.say(f"{report.summary()}: {figures}, residual {report.residual:.2g}{error}")
     meter.say(f"Saved {verb.output}")
 
 

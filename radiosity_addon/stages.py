@@ -21,12 +21,13 @@ STAGES = {
     "Direct light": 0.26,
     "Transport": 0.14,
     "Radiosity": 0.05,
-    "Gather": 0.34,
+    "Gather": 0.32,
+    "Check": 0.02,
     "Pages": 0.03,
 }
 """Stages and their usual shares of the time."""
 
-AFTER_THE_LIGHT = ("Pages", "Write files", "Write back")
+AFTER_THE_LIGHT = ("Check", "Pages", "Write files", "Write back")
 """Stages of a whole bake in which nothing is left to be spared."""
 
 

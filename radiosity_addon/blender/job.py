@@ -162,6 +162,7 @@ def bake_scene(
         working_space=extraction.scene.working_space,
         settings=job.settings,
         residuals=baked.residuals,
+        error=baked.error,
         balance=baked.balance,
         overview=seen,
         files=written,

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..color.spaces import REC709, RGBSpace
 from ..files import Transaction, write_text
+from ..gather.own_error import OwnError
 from ..geometry.visibility import Tally
 from ..pages.page_files import PageFiles
 from ..radiosity.relaxation import Balance
@@ -106,6 +107,7 @@ class Report:
         name: of the scene
         settings: the bake's
         residuals: the residual at the start and after every step
+        error: of the light, by the bake's own account
         balance: where the light between patches has gone
         overview: the light in figures and maps, if it was looked at
         files: what the page files hold
@@ -130,6 +132,7 @@ class Report:
     working_space: RGBSpace = REC709
     settings: BakeSettings = field(default_factory=BakeSettings)
     residuals: Sequence[float] = ()
+    error: OwnError | None = None
     balance: Balance | None = None
     overview: Overview | None = None
     files: PageFiles | None = None
@@ -186,6 +189,7 @@ class Report:
             "window": self._stalls_as_dict(),
             "residual": _finite(self.residual),
             "residuals": [_finite(residual) for residual in thinned(self.residuals)],
+            "estimated_error": self._error_as_dict(),
             "balance": self._balance_as_dict(),
             "light": self.overview.light_as_dict() if self.overview else None,
             "renders": {"before": _relative(self.before, folder), "after": _relative(self.after, folder)},
@@ -213,6 +217,11 @@ class Report:
             "outside_before": float(self.files.outside),
             "outside_after": float(self.files.left_outside),
         }
+
+    def _error_as_dict(self) -> dict[str, Any] | None:
+        if self.error is None:
+            return None
+        return {name: _finite(value) if isinstance(value, float) else value for name, value in vars(self.error).items()}
 
     def _balance_as_dict(self) -> dict[str, Any] | None:
         """Watts of luminance: light groups added up, channels weighed as the eye does."""

@@ -119,6 +119,10 @@ def _head(known: dict[str, Any]) -> str:
         ("Rays", short_count(known["rays"])),
         ("Left to bounce", share_text(known["residual"])),
     ]
+    error = known.get("estimated_error")
+    if error:
+        text = f"{error['rms']:.1%} <small>± {error['rms_uncertainty']:.1%}</small>"
+        figures.append(("Error, RMS, estimated", text))
     if light:
         lux = np.pi * LUMENS_PER_WATT * light["mean"]
         figures.append(("Mean illuminance", f"{short_text(lux)} <small>lx</small>"))
