@@ -80,6 +80,7 @@ def test_the_keys_are_exactly_the_promised_ones() -> None:
         "residuals": [1.0, 0.5, 0.0009765625],
         "estimated_error": None,
         "balance": pytest.approx({"emitted": 4.0, "absorbed": 2.0, "escaped": 1.0, "unshot": 1.0}),
+        "light_groups": {},
         "files": {
             **Recipe("rgbm", REC709, brightest=2.0).as_dict(),
             "outside_before": 0.25,
