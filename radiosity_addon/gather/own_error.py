@@ -27,6 +27,7 @@ from ..lighting.sky import cells
 from ..radiosity.illumination import Illumination
 from ..radiosity.patches import SKY, Patches
 from ..sampling import cosine_directions, even_uniform, hash_bits
+from .gleams import Gleams
 
 TEXELS = 96
 """Texels that are checked. Of more there would be fewer rays each, and the rays' noise, squared, counts for more than
@@ -110,11 +111,12 @@ def own_error(
     returned = np.zeros(len(shown), np.float32)
     returned[: texels.count] = light.look.reflectance.mean(1)
     groups = direct.shape[1]
+    gleams = None if light.beams is None else Gleams(light.beams, texels, groups)
 
     def work(start: int, stop: int) -> tuple[Float64, Float64]:
         ids = np.tile(chosen[start:stop], 2)
         half = np.repeat(np.arange(2), stop - start)
-        bounced, back = _indirect(texels, patches, ids, half, sent, shown, returned, visibility, len(light.sky) > 0)
+        bounced, back = _indirect(texels, patches, ids, half, sent, light, shown, returned, gleams, visibility)
         lit = _direct(texels, ids, half, points, lamps, visibility, groups)
         return (bounced + lit).reshape(2, -1), back
 
@@ -177,10 +179,11 @@ def _indirect(
     ids: Int64,
     half: Int64,
     rays: int,
+    light: Illumination,
     shown: Float32,
     returned: Float32,
+    gleams: Gleams | None,
     visibility: Visibility,
-    has_cells: bool,
 ) -> tuple[Float64, Float64]:
     """Irradiance (P,), W/m2, at texels by cosine-distributed rays, and the mean reflectance (P,) that they meet."""
     sample = np.tile(np.arange(rays), len(ids))
@@ -190,10 +193,13 @@ def _indirect(
     directions = cosine_directions(texels.shading_normal[texel], u, v)
     hits = visibility.first_hit(texels.origins(texel, sample), directions, passing_chance(visibility, seeds, sample))
     element = patches.elements(hits)
-    if has_cells:
+    if len(light.sky):
         left = np.flatnonzero(element == SKY)
         element[left] = cells(directions[left]) + np.int32(texels.count + patches.count)
     seen = shown[element]
+    if gleams is not None:
+        ray, more = gleams.seen(element, directions)
+        seen[ray] += _luminance(more * np.repeat(light.passes[-1].reflecting, 3))
     if hits.tint is not None:
         seen *= hits.tint.mean(1)
     above = np.einsum("ij,ij->i", directions, texels.normal[texel]) > 0
