@@ -24,19 +24,24 @@ def surface_per_uv(corners: Floats, uv: Floats) -> Float32:
     Returns:
         (F, 3) float32, m2 for the whole uv square, along the normal
     """
-    b, c = (corners[:, k].astype(np.float64) - corners[:, 0] for k in (1, 2))
-    s, t = (uv[:, k].astype(np.float64) - uv[:, 0] for k in (1, 2))
-    area = np.cross(b, c)
-    flat = np.abs(s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0])
-    least = LEAST_UV_AREA * np.sqrt((area**2).sum(axis=1))
-    ratio: Float32 = (area / np.maximum(np.maximum(flat, least), 1e-300)[:, None]).astype(np.float32)
+    area = _area_vectors(corners)
+    s, t = ((uv[:, k].astype(np.float64) - uv[:, 0]).T for k in (1, 2))
+    flat = np.abs(s[0] * t[1] - s[1] * t[0])
+    least = LEAST_UV_AREA * np.sqrt((area**2).sum(axis=0))
+    ratio: Float32 = (area / np.maximum(np.maximum(flat, least), 1e-300)).T.astype(np.float32)
     return ratio
 
 
+def _area_vectors(corners: Floats) -> Float64:
+    """Of triangles (F, 3, 3), twice as long as their areas, (3, F); on planes, as np.cross is slow on rows of three."""
+    b, c = ((corners[:, k].astype(np.float64) - corners[:, 0]).T for k in (1, 2))
+    return np.stack([b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]])
+
+
 def cofactors(matrix: Float64) -> Float64:
-    """What area vectors are moved by, (3, 3), where positions are moved by `matrix` (3, 3)."""
-    x, y, z = matrix.T
-    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
+    """What area vectors are moved by, (..., 3, 3), where positions are moved by matrices (..., 3, 3)."""
+    x, y, z = (matrix[..., k] for k in range(3))
+    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-1)
 
 
 def texels_per_metre(ratio: Float32, matrix: Float64, texels: float) -> Float32:
@@ -47,15 +52,14 @@ def texels_per_metre(ratio: Float32, matrix: Float64, texels: float) -> Float32:
         matrix: (3, 3), from the mesh to the world
         texels: along an edge of the uv square
     """
-    area = ratio.astype(np.float64) @ cofactors(matrix).T
-    density: Float32 = (texels * np.maximum((area**2).sum(axis=1), 1e-60) ** -0.25).astype(np.float32)
+    squared = ((cofactors(matrix) @ ratio.T.astype(np.float64)) ** 2).sum(axis=0)
+    density: Float32 = (texels / np.sqrt(np.sqrt(np.maximum(squared, 1e-60)))).astype(np.float32)
     return density
 
 
 def world_areas(corners: Float32, matrix: Float64) -> Float64:
     """Area (F,) of triangles (F, 3, 3) moved by `matrix` (3, 3), m2."""
-    moved = corners.astype(np.float64) @ matrix.T
-    area: Float64 = np.sqrt((np.cross(moved[:, 1] - moved[:, 0], moved[:, 2] - moved[:, 0]) ** 2).sum(axis=1)) / 2
+    area: Float64 = np.sqrt(((cofactors(matrix) @ _area_vectors(corners)) ** 2).sum(axis=0)) / 2
     return area
 
 

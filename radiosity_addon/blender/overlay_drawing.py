@@ -95,29 +95,29 @@ class Painter:
                 shader.bind()
                 shader.uniform_block("settings", settings)
                 shader.uniform_sampler("ramp", self._ramp(look.overlay))
+                linear = np.stack([thing.matrix[:3, :3] for thing, _, _ in things])
+                moved = cofactors(linear)
+                grams, mirrored = (moved.swapaxes(1, 2) @ moved).tolist(), np.linalg.det(linear) < 0
                 for seed, (thing, shape, edge) in enumerate(things):
-                    self._draw_one(thing, shape, edge, seed, pages, look.overlay)
+                    gram, turned = grams[seed], bool(mirrored[seed])
+                    shader.uniform_float("gram_a", (gram[0][0], gram[1][1], gram[2][2], edge))
+                    last = edge if look.overlay == "density" else 17.0 * seed
+                    shader.uniform_float("gram_b", (gram[0][1], gram[1][2], gram[2][0], last))
+                    self._draw_one(thing, shape, turned, pages, look.overlay)
         finally:
             gpu.state.depth_mask_set(False)
             gpu.state.depth_test_set("NONE")
             gpu.state.blend_set("NONE")
 
-    def _draw_one(self, thing: Placed, shape: Shape, edge: float, seed: int, pages: Pages, overlay: str) -> None:
+    def _draw_one(self, thing: Placed, shape: Shape, mirrored: bool, pages: Pages, overlay: str) -> None:
         shader = self.shader
-        linear = thing.matrix[:3, :3]
-        mirrored = np.linalg.det(linear) < 0
         has_back = thing.back_page is not None
-        moved = cofactors(linear)
-        gram = moved.T @ moved
         needs_page = NEEDS[overlay] != SURFACES
         front = self._page(overlay, thing.page, pages) if needs_page else self._ramp("lighting")
         back = self._page(overlay, thing.back_page, pages) if needs_page and has_back else front
         with gpu.matrix.push_pop():
             gpu.matrix.multiply_matrix(Matrix(thing.matrix.tolist()))
             shader.uniform_float("place", (*thing.place, (3.0 if mirrored else 2.0) if has_back else 0.0))
-            shader.uniform_float("gram_a", (*np.diag(gram), edge))
-            last = edge if overlay == "density" else 17.0 * seed
-            shader.uniform_float("gram_b", (gram[0, 1], gram[1, 2], gram[2, 0], last))
             shader.uniform_sampler("page", front)
             shader.uniform_sampler("back_page", back)
             self._batch(thing.key, shape, overlay == "charts").draw(shader)

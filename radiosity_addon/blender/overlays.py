@@ -35,7 +35,7 @@ class Overlay:
     _pages: Pages = field(default_factory=lambda: Pages([]))
     _shapes: dict[Hashable, Shape] = field(default_factory=dict)
     _density: tuple[Any, Density] | None = None
-    _drawn: set[Hashable] = field(default_factory=set)
+    _edges: dict[Hashable, float] = field(default_factory=dict)
 
     def draw(
         self,
@@ -56,7 +56,7 @@ class Overlay:
         pages = self._current_pages(scene)
         found = [(thing, self._shape(thing)) for thing in placed_things(depsgraph, view)]
         wanted = scene.radiosity.density if scene.radiosity.density_enabled else None
-        ranked = [(thing, shape, edge_texels(thing, shape, pages.size, wanted)) for thing, shape in found]
+        ranked = [(thing, shape, self._edge(thing, shape, pages.size, wanted)) for thing, shape in found]
         if self.name not in ("density", "charts"):
             ranked = [row for row in ranked if row[0].page is not None]
         if not ranked:
@@ -82,6 +82,7 @@ class Overlay:
                 keys = [key for key in self._shapes if key[1] == kind.session_uid]
                 for key in keys:
                     del self._shapes[key]
+                self._edges.clear()
                 self.painter.forget_shapes(keys)
 
     def forget_all(self) -> None:
@@ -89,6 +90,7 @@ class Overlay:
         self.forget_pages()
         self.painter.forget_shapes(list(self._shapes))
         self._shapes.clear()
+        self._edges.clear()
 
     def forget_pages(self) -> None:
         """Read the pages again."""
@@ -107,13 +109,21 @@ class Overlay:
             self._shapes[thing.key] = shape_of(thing.mesh, thing.uv_map)
         return self._shapes[thing.key]
 
+    def _edge(self, thing: Placed, shape: Shape, size: int, wanted: float | None) -> float:
+        if thing.page is not None:
+            return edge_texels(thing, shape, size, wanted)
+        key = (thing.key, id(shape), thing.matrix[:3, :3].tobytes(), wanted)
+        if key not in self._edges:
+            self._edges[key] = edge_texels(thing, shape, size, wanted)
+        return self._edges[key]
+
     def _densities(
         self, found: list[tuple[Placed, Shape]], size: int, wanted: float | None, settings: bpy.types.PropertyGroup
     ) -> Density | None:
         if self.name != "density":
             return None
         target = None if settings.target_auto else settings.target
-        key = [(thing.key, id(shape), thing.matrix.tobytes(), thing.place) for thing, shape in found]
+        key = [(thing.key, id(shape), thing.matrix[:3, :3].tobytes(), thing.place) for thing, shape in found]
         state = (key, size, wanted, target)
         if self._density is None or self._density[0] != state:
             self._density = (state, density_of(found, size, wanted, target))
