@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is kept of a page's texels: which patch they were part of, which were invalid."""
 
+import zlib
+
 import numpy as np
 import pytest
 
@@ -57,7 +59,7 @@ def test_numbers_of_any_size_survive_packing():
     np.testing.assert_array_equal(unpacked(packed(numbers)), numbers)
 
 
-@pytest.mark.parametrize("data", [b"", b"nonsense", packed(np.zeros((4, 4), np.int32))[:-3]])
+@pytest.mark.parametrize("data", [b"", b"nonsense", packed(np.zeros((4, 4), np.int32))[:-3], zlib.compress(bytes(12))])
 def test_broken_bytes_are_refused_with_a_remedy(data):
     with pytest.raises(OutputError, match="Bake again"):
         unpacked(data)
