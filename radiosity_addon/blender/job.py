@@ -110,7 +110,8 @@ def bake_scene(
         if seat is None:
             baked = yield from _scaled(bake(extraction.scene, job.settings, shader))
         else:
-            viewer = seat.taken(scene, extraction)
+            yield begun
+            viewer = seat.taken(_still_there(scene_name), extraction)
             steps = bake(extraction.scene, job.settings, seat.main.runs(shader.steps), viewer)
             baked = yield from in_thread(_scaled(steps), begun, seat.main)
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)

@@ -49,22 +49,22 @@ class LiveView:
     """Draws what a bake shows; a viewing.Viewer.
 
     Attributes:
+        table: how light is shown, as of display_table; nothing is drawn without
         satisfied: set to True to have the bake end with the light as it was shown last
         fresh: there is more to see than was drawn
         first_at: when the first picture was drawn, by time.perf_counter; None before
         drawing: seconds that the longest drawing has taken
     """
 
-    def __init__(self, table: Float32, visible: Bools) -> None:
+    def __init__(self, visible: Bools) -> None:
         """Args:
-        table: as of display_table
         visible: (M,) of the meshes, those of backs included, which to draw
         """
+        self.table: Float32 | None = None
         self.satisfied = False
         self.first_at: float | None = None
         self.drawing = 0.0
         self.fresh = False
-        self._table = table
         self._visible = visible
         self._next: Pieces | None = None
         self._batches: list[tuple[gpu.types.GPUBatch, gpu.types.GPUTexture | None]] = []
@@ -86,6 +86,8 @@ class LiveView:
 
     def _draw(self) -> None:
         begin = time.perf_counter()
+        if self.table is None:
+            return
         pieces, self._next = self._next, None
         if pieces is not None:
             self._batches = [self._uploaded(*piece) for piece in pieces]
@@ -118,8 +120,8 @@ class LiveView:
     ) -> tuple[gpu.types.GPUBatch, gpu.types.GPUTexture | None]:
         paged = image is not None
         if self._display is None:
-            whole = np.ones((*self._table.shape[:3], 4), np.float32)
-            whole[..., :3] = self._table
+            whole = np.ones((*self.table.shape[:3], 4), np.float32)
+            whole[..., :3] = self.table
             self._display = _texture((EDGE, EDGE, EDGE), whole)
         if paged not in self._shaders:
             self._shaders[paged] = _shader(paged)

@@ -82,6 +82,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         except BaseException:
             self.cancel(context)
             raise
+        Running.settle()
         Running.redraw(context)
         return {"PASS_THROUGH"}
 

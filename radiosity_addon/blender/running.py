@@ -24,6 +24,9 @@ REDRAW_SECONDS = 0.2
 WATCHED = (bpy.types.Object, bpy.types.Mesh, bpy.types.Curve, bpy.types.Light, bpy.types.Material, bpy.types.World)
 """What decides how light falls. Whatever else is edited changes nothing."""
 
+MOST_NAMED = 3
+"""Of what was edited during a bake, so much is named."""
+
 UNSEEN = ("CAMERA", "SPEAKER", "ARMATURE", "LATTICE")
 """Types of objects that neither light nor shadow; what they deform is edited too."""
 
@@ -43,6 +46,7 @@ class Running:
     _start = _drawn = _returned = _gap = 0.0
     _stalls: ClassVar[dict[str, float]] = {}
     _scene = ""
+    _settled = False
     _edited: ClassVar[dict[str, None]] = {}
 
     @classmethod
@@ -51,7 +55,8 @@ class Running:
         cls.progress, cls.view, cls.cancelled = Progress("Read scene", 0.0), None, False
         cls._start = cls._returned = time.perf_counter()
         cls._drawn = cls._gap = 0.0
-        cls._stalls = {}
+        cls._stalls, cls._settled = {}, False
+        cls._edited = {}
         bpy.types.STATUSBAR_HT_header.append(draw_progress)
 
     @classmethod
@@ -64,10 +69,23 @@ class Running:
             visible[index] = thing is not None and thing.visible_get()
         for front, back in backs_of(meshes).items():
             visible[back] = visible[front]
-        cls.view = LiveView(display_table(scene), visible)
-        bpy.context.view_layer.update()  # what reading the scene has tagged is no edit
-        cls.watch(scene)
+        cls.view, cls._scene = LiveView(visible), scene.name
         return cls.view
+
+    @classmethod
+    def settle(cls) -> None:
+        """What can wait until the bake's thread is under way: how light is shown, and a turn later to notice edits.
+
+        By then Blender has evaluated what reading the scene has touched, which is no edit.
+        """
+        scene = bpy.data.scenes.get(cls._scene)
+        if cls.view is None or scene is None:
+            return
+        if cls.view.table is None:
+            cls.view.table = display_table(scene)
+        elif not cls._settled:
+            cls._settled = True
+            cls.watch(scene)
 
     @classmethod
     def watch(cls, scene: bpy.types.Scene) -> None:
@@ -83,10 +101,12 @@ class Running:
 
     @classmethod
     def edits(cls) -> list[str]:
-        """Warnings about what was edited."""
-        return [
-            f"{name} was edited during the bake, which shows the light from before; bake again" for name in cls._edited
-        ]
+        """A warning about what was edited, if anything was."""
+        if not cls._edited:
+            return []
+        names, more = list(cls._edited)[:MOST_NAMED], len(cls._edited) - MOST_NAMED
+        named = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        return [f"Edited during the bake, which shows the light from before: {named}; bake again"]
 
     @classmethod
     def text(cls) -> str:

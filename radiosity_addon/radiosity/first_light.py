@@ -188,17 +188,17 @@ class _Patches:
         hits = seen_side(surfaces, visibility.first_hit(origins, ways))
         left = hits.triangle < 0
         seen = self.owner[self.vertices.at(np.maximum(hits.triangle, 0), np.stack([hits.u, hits.v], axis=1))]
-        lit = (~left & hits.front)[:, None]
-        outside = np.zeros((len(left), 3), np.float32)
-        outside[left] = np.pi * np.array(scene.world.radiance)
+        seen[left | ~hits.front] = count  # a patch that sends nothing
+        outside = np.zeros((3, count * RAYS), np.float32)
+        outside[:, left] = np.pi * np.array(scene.world.radiance)[:, None]
         if sky is not None:
-            outside[left] += np.float32(np.pi) * sky.radiance[cells(ways[left])]
-        radiosity = leaving
+            outside[:, left] += np.float32(np.pi) * sky.radiance[cells(ways[left])].T
+        first = _mean_of_rays(outside)
+        radiosity = np.append(leaving.T, np.zeros((3, 1), np.float32), axis=1)
         for _ in range(BOUNCES):
-            arriving = np.where(lit, radiosity[seen], outside)
-            received: Float32 = arriving.reshape(count, RAYS, 3).mean(1, dtype=np.float32)
-            radiosity = leaving + reflectance * received
-        return received
+            received = first + _mean_of_rays(np.take(radiosity, seen, axis=1))
+            radiosity[:, :-1] = leaving.T + reflectance.T * received
+        return np.ascontiguousarray(received.T)
 
     def between(self, values: Float32) -> Float32:
         """Values of patches (P, 3) at the samples (S, 3), linear between the middles of cells of one surface."""
@@ -218,3 +218,9 @@ class _Patches:
         alone = weights < 1e-3
         total[alone], weights[alone] = values[self.owner[alone]], 1
         return total / weights[:, None]
+
+
+def _mean_of_rays(values: Float32) -> Float32:
+    """Means (3, P) over the rays of each patch, (3, P * RAYS)."""
+    means: Float32 = values.reshape(3, -1, RAYS).mean(2, dtype=np.float32)
+    return means

@@ -14,6 +14,7 @@ from radiosity_addon.blender import operators
 from radiosity_addon.blender.display_table import EDGE, display_table
 from radiosity_addon.blender.extraction import Extraction
 from radiosity_addon.blender.job import Seat
+from radiosity_addon.blender.names import is_baked
 from radiosity_addon.blender.running import Running
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
@@ -139,3 +140,35 @@ def test_the_display_table_shows_light_as_blender_does(scene: bpy.types.Scene) -
     assert np.interp(1 / 8, level, grey[:, 0]) == pytest.approx(0.537, abs=0.02)
     assert table[0, 0, -1].tolist() == pytest.approx([1, 0.04, 0.04], abs=0.03)
     assert differences(before, snapshot()) == []
+
+
+def test_many_edits_are_one_warning(scene: bpy.types.Scene) -> None:
+    things = [bpy.data.objects.new(f"Thing {number}", bpy.data.objects["Floor"].data) for number in range(5)]
+    for thing in things:
+        scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    Running.watch(scene)
+    try:
+        for thing in things:
+            thing.location.x += 1
+        bpy.context.view_layer.update()
+        (warning,) = Running.edits()
+        assert "and 2 more" in warning
+    finally:
+        Running.unwatch()
+
+
+def test_a_bake_is_one_step_to_undo(scene: bpy.types.Scene) -> None:
+    bpy.ops.ed.undo_push(message="Before")
+    assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    baked = snapshot()
+    bpy.ops.ed.undo_push(message="Bake")  # which Blender does by itself where a person has pressed the button
+    bpy.ops.ed.undo()
+    assert not is_baked(bpy.context.scene)
+    assert not bpy.data.objects["Floor"].data.uv_layers.get("Radiosity")
+    assert [material.name for material in bpy.data.materials] == ["Chequered"]
+    bpy.ops.ed.redo()
+    changed = [
+        each for each in differences(baked, snapshot()) if "users: " not in each and "/tool_settings/" not in each
+    ]
+    assert changed == [], "but for counts, which Blender keeps by itself"
