@@ -166,14 +166,16 @@ def group_patches(
         whole, seat = finish(part_cells(whole, seat, first, texels, visibility, workers, side))
         return whole[chosen], len(seat)
 
-    row, column = np.divmod(texels.pixel, texels.size)
-    some = ((row + column) & 1) == 0  # of backs, as on a chessboard: walls were looked for on fronts
     front, fronts = parted(*_cells(texels, taking, width, levels), taking, walls.border, 1)
-    behind, backs = parted(*_cells(texels, taking[hollow], width * BACK_COARSENESS), taking[hollow], some, -1)
+    rear = taking[hollow]
+    some = _chessboard(texels)  # of backs: walls were looked for on fronts
+    behind, backs = parted(*_cells(texels, rear, width * BACK_COARSENESS), rear, some, -1)
+    behind += np.int32(fronts)
     count = fronts + backs
 
-    members = np.concatenate([front, behind + np.int32(fronts)])
-    owners = np.concatenate([taking, taking[hollow]])
+    members = np.concatenate([front, behind])
+    owners = np.concatenate([taking, rear])
+    del front, behind, some, hollow
     area = _sums(members, owners, stopping, None, count)[:, 0]
 
     def means(values: Float32) -> Float32:
@@ -181,11 +183,12 @@ def group_patches(
         return (total / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
 
     of_element = np.full(texels.count + count, NOTHING, np.int32)
-    of_element[taking] = front
+    of_element[taking] = members[: len(taking)]
     of_element[texels.count :] = np.arange(count)
     _join_lonely(of_element, texels, visibility)
     back = np.full(texels.count, NOTHING, np.int32)
-    back[taking[hollow]] = members[len(taking) :]
+    back[rear] = members[len(taking) :]
+    del taking, rear
     number, strata = _strata_lists(_sending(texels, opacity), members, owners, count)
     return Patches(
         area=area,
@@ -201,6 +204,15 @@ def group_patches(
         _number=number,
         _strata=strata,
     )
+
+
+def _chessboard(texels: Texels) -> Bools:
+    """Every other texel (T,) of each row and column."""
+    light = np.empty(texels.count, bool)
+    for start in range(0, texels.count, BLOCK):
+        row, column = np.divmod(texels.pixel[start : start + BLOCK], texels.size)
+        light[start : start + BLOCK] = ((row + column) & 1) == 0
+    return light
 
 
 def _sums(members: Int32, owners: Int32, area: Float32, values: Float32 | None, count: int) -> Float64:
