@@ -32,7 +32,7 @@ WHEEL_TAGS = {
     "macos-x64": ["macosx_14_0_x86_64", "macosx_14_0_universal2"],
 }
 """pip's platform tags for each of Blender's platforms."""
-STAGED = ("__init__.py", "blender_manifest.toml", "LICENSE", "presets", "radiosity_addon")
+STAGED = ("__init__.py", "blender_manifest.toml", "LICENSE", "docs/manual", "presets", "radiosity_addon")
 """What an installed extension consists of, its wheels apart."""
 
 

@@ -20,6 +20,7 @@ def _parts() -> tuple[ModuleType, ...]:
         after_bake,
         export_panel,
         light_meter,
+        manual,
         object_settings,
         operators,
         overlay_panel,
@@ -30,7 +31,7 @@ def _parts() -> tuple[ModuleType, ...]:
     )
 
     operating = (properties, object_settings, operators, scene_check, after_bake, presets, light_meter)
-    return (*operating, panels, overlay_panel, export_panel)
+    return (*operating, panels, overlay_panel, export_panel, manual)
 
 
 def register() -> None:

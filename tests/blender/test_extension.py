@@ -51,7 +51,7 @@ def test_manifest_validates() -> None:
 def test_zip_holds_what_a_release_stages_and_nothing_else(archive: Path) -> None:
     staged = {name for name in dev.STAGED if (ROOT / name).is_file()}
     folders = [ROOT / name for name in dev.STAGED if (ROOT / name).is_dir()]
-    package = [path for kind in ("*.py", "*.css") for folder in folders for path in folder.rglob(kind)]
+    package = [path for kind in ("*.py", "*.css", "*.md") for folder in folders for path in folder.rglob(kind)]
     sources = {path.relative_to(ROOT).as_posix() for path in package}
     with zipfile.ZipFile(archive) as content:
         assert {name for name in content.namelist() if not name.endswith("/")} == staged | sources

@@ -61,6 +61,7 @@ def state() -> dict[str, Any]:
         "file": bpy.data.filepath,
         "running": "RADIOSITY_OT_bake" in running(),
         "baked": "radiosity_bake" in scene,
+        "original": "radiosity_originals" in scene,
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The installed extension in a real window, by mouse and keyboard: bake, watch, cancel, bake again, revert.
+"""The installed extension in a real window, by mouse and keyboard: bake, watch, cancel, bake again, toggle, revert.
 
 One window goes through all of it; each fixture is one step, and each test looks at what a step has left. Pictures are
 kept in out/desktop/, or in the folder that RADIOSITY_WINDOW_PICTURES names.
@@ -21,6 +21,8 @@ from tests.desktop.window import Window
 
 PICTURES = Path(os.environ.get("RADIOSITY_WINDOW_PICTURES", ROOT / "out/desktop"))
 LONG_BAKE = {"page_size": 1024, "quality": "high"}
+SAME = 0.5
+"""Mean difference of pixels, of 255, of two pictures that show the same: EEVEE samples anew each time."""
 SHORT_BAKE = {"page_size": 256, "quality": "draft"}
 
 pytestmark = pytest.mark.desktop
@@ -81,7 +83,18 @@ def baked(window: Window, cancelled: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def reverted(window: Window, baked: dict[str, Any]) -> dict[str, Any]:
+def toggled(window: Window, baked: dict[str, Any]) -> list[np.ndarray]:
+    """What the 3D view shows after Show Original, and after Show Baked."""
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: window.ask("state")["original"], "the original is shown")
+    original = view(window, "original")
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: not window.ask("state")["original"], "the bake is shown")
+    return [original, view(window, "baked_again")]
+
+
+@pytest.fixture(scope="module")
+def reverted(window: Window, baked: dict[str, Any], toggled: list[np.ndarray]) -> dict[str, Any]:
     """The state after Revert, and what the 3D view shows then."""
     window.click_button("bpy.ops.radiosity.revert(")
     window.until(lambda: not window.ask("state")["baked"], "the bake is taken out")
@@ -116,8 +129,15 @@ def test_baked_light_is_seen(baked: dict[str, Any], unlit: np.ndarray) -> None:
     assert np.abs(baked["view"] - unlit).mean() > 5
 
 
+def test_toggle_shows_the_original_and_the_bake(
+    toggled: list[np.ndarray], baked: dict[str, Any], unlit: np.ndarray
+) -> None:
+    assert np.abs(toggled[0] - unlit).mean() < SAME
+    assert np.abs(toggled[1] - baked["view"]).mean() < SAME
+
+
 def test_view_after_revert_is_the_view_before(reverted: dict[str, Any], unlit: np.ndarray) -> None:
-    assert np.abs(reverted["view"] - unlit).mean() < 0.5
+    assert np.abs(reverted["view"] - unlit).mean() < SAME
 
 
 def test_file_after_revert_is_the_file_before(window: Window, reverted: dict[str, Any], blend: Path) -> None:

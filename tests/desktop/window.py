@@ -138,24 +138,21 @@ class Window:
 
     def button(self, operator: str, place: str = "sidebar") -> tuple[int, int] | None:
         """Where the button of an operator is, and the mouse over it; None if it is not in sight."""
-        self.hands("mousemove", *NOWHERE)
-        self.until(lambda: not self.ask("hovered", place), "no button is under the mouse")
+        self.until(lambda: not self.hover(NOWHERE, place), "no button is under the mouse")
         left, top, right, bottom = self.ask("place", place)
-        found = rectangles((self.picture()[top:bottom, left:right] == OPERATOR_COLOR).all(-1))
-        for x, y in found:
-            self.hands("mousemove", left + x, top + y)
-            if self.hovered(place).startswith(operator):
-                return left + x, top + y
+        seen = ""
+        for x, y in rectangles((self.picture()[top:bottom, left:right] == OPERATOR_COLOR).all(-1)):
+            spot, before, end = (left + x, top + y), seen, time.monotonic() + HOVERING
+            while seen == before and time.monotonic() < end:
+                seen = self.hover(spot, place) or before
+            if seen != before and seen.startswith(operator):
+                return spot
         return None
 
-    def hovered(self, place: str) -> str:
-        """What the button under the mouse calls; empty if it stays unknown for a while."""
-        end = time.monotonic() + HOVERING
-        while time.monotonic() < end:
-            call: str = self.ask("hovered", place)
-            if call:
-                return call
-        return ""
+    def hover(self, spot: tuple[int, int], place: str) -> str:
+        """Move the mouse there; what Blender takes to be under it, which may still be what was before."""
+        self.hands("mousemove", spot[0] + 1, spot[1], "mousemove", *spot)  # a mouse that does not move says nothing
+        return str(self.ask("hovered", place))
 
     def settled(self, name: str) -> np.ndarray:
         """A picture of the window, kept under a name, once nothing in it changes."""
