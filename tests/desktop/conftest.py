@@ -18,13 +18,11 @@ copied into the test's temporary folder, and nothing is said relative to the wor
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
-import dev
 from tests.desktop.blender import ROOT, Desktop
 
 
@@ -45,12 +43,6 @@ def script() -> Path:
 @pytest.fixture(scope="session")
 def desktop(script: Path, tmp_path_factory: pytest.TempPathFactory) -> Desktop:
     """A desktop Blender in which the released zip was installed and baked a small scene."""
-    folder = tmp_path_factory.mktemp("desktop")
-    wheels = subprocess.run([script, "wheels"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    assert dev.release(["linux-x64"], Path(wheels), folder) == 0
-    (archive,) = folder.glob("*.zip")
-    desktop = Desktop(script, folder)
-    copied = shutil.copy(ROOT / "tests/blender/install_and_bake.py", folder)
-    done = desktop.run("--background", "--python-exit-code", "1", "--python", copied, "--", archive, folder)
-    assert done.returncode == 0, done.stdout + done.stderr
+    desktop = Desktop(script, tmp_path_factory.mktemp("desktop"))
+    desktop.install()
     return desktop

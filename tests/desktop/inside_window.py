@@ -30,28 +30,43 @@ PLACES = {"sidebar": ("VIEW_3D", "UI"), "view": ("VIEW_3D", "WINDOW"), "properti
 answered = 0
 
 
-def arrange(shading: str) -> bool:
-    """Bring the window into a known state; True once it is, so ask again until then."""
+def arrange(tab: str) -> bool:
+    """Bring the window into a known state, a tab of the sidebar in sight; True once it is, so ask again until then."""
     preferences = bpy.context.preferences
     preferences.use_preferences_save = False
-    preferences.view.show_splash = False
     interface = preferences.themes[0].user_interface
     interface.wcol_tool.inner = OPERATOR_COLOR
     interface.wcol_progress.item = PROGRESS_COLOR
-    view = area("VIEW_3D")
-    space = view.spaces.active
-    space.shading.type = shading
-    bpy.context.scene.eevee.taa_samples = 1  # software draws a picture for each
-    space.region_3d.view_perspective = "CAMERA" if bpy.context.scene.camera else "PERSP"
-    sidebar = region("sidebar")
+    area("PROPERTIES").spaces.active.context = "RENDER"
+    space, sidebar = area("VIEW_3D").spaces.active, region("sidebar")
+    if not tab:
+        space.show_region_ui = False
+        return True
     if not space.show_region_ui or sidebar.width <= 1:
         space.show_region_ui = True
         return False
-    if sidebar.active_panel_category != "Radiosity":
-        sidebar.active_panel_category = "Radiosity"
+    if sidebar.active_panel_category != tab:
+        sidebar.active_panel_category = tab
         return False
-    area("PROPERTIES").spaces.active.context = "RENDER"
     return True
+
+
+def look(shading: str, camera: bool) -> None:
+    """Choose how the 3D view is shaded, and whether it looks through the camera, quickly drawn."""
+    space = area("VIEW_3D").spaces.active
+    space.shading.type = shading
+    if camera:
+        bpy.context.window_manager.windows[0].scene.eevee.taa_samples = 1  # software draws a picture for each
+        space.region_3d.view_perspective = "CAMERA"
+
+
+def tutorial(step: str) -> None:
+    """Take a step of tutorial_steps.py in the 3D view."""
+    import tutorial_steps
+
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, area=area("VIEW_3D"), region=region("view")):
+        getattr(tutorial_steps, step)()
 
 
 def state() -> dict[str, Any]:
@@ -65,6 +80,12 @@ def state() -> dict[str, Any]:
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],
     }
+
+
+def redraw() -> None:
+    """Draw all that is in sight again."""
+    for each in bpy.context.window_manager.windows[0].screen.areas:
+        each.tag_redraw()
 
 
 def running() -> list[str]:
@@ -99,9 +120,9 @@ def choose(settings: dict[str, Any]) -> None:
             setattr(radiosity, name, value)
 
 
-def save(path: str) -> None:
-    """Save the open file as `path`, and go on with the one that was open."""
-    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+def save(path: str, copy: bool = True) -> None:
+    """Save the open file as `path`; with `copy` go on with the one that was open."""
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=copy)
 
 
 def compare(before: str, after: str) -> list[str]:
@@ -117,11 +138,6 @@ def compare(before: str, after: str) -> list[str]:
     return differences(*snapshots)
 
 
-def leave() -> None:
-    """Quit without asking whether to save."""
-    bpy.app.timers.register(lambda: bpy.ops.wm.quit_blender() and None, first_interval=TICK_SECONDS)
-
-
 def area(kind: str) -> bpy.types.Area:
     return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind)
 
@@ -132,7 +148,7 @@ def region(name: str) -> bpy.types.Region:
 
 
 CALLS: dict[str, Callable[..., Any]] = {
-    call.__name__: call for call in (arrange, state, place, hovered, choose, save, compare, leave)
+    call.__name__: call for call in (arrange, look, tutorial, state, redraw, place, hovered, choose, save, compare)
 }
 
 
@@ -157,4 +173,5 @@ def answer() -> float:
 
 
 sys.path.insert(0, str(Path(__file__).parent))
+bpy.context.preferences.view.show_splash = False
 bpy.app.timers.register(answer, persistent=True)

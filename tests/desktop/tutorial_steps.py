@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first steps of docs/tutorial.md, by the operators that its menus and keys call: from the default cube to a room."""
+"""The first steps of docs/tutorial.md, by the operators behind its menus and keys: from the default cube to a room."""
 
 from __future__ import annotations
 
@@ -43,3 +43,16 @@ def place_lamp() -> None:
     light.data.type = "AREA"
     lamp = bpy.data.objects["Light"].data
     lamp.energy, lamp.size = 500, 3
+
+
+def select_lamp() -> None:
+    """Click the light in the outliner."""
+    bpy.ops.object.select_all(action="DESELECT")
+    light = bpy.data.objects["Light"]
+    light.select_set(True)
+    bpy.context.view_layer.objects.active = light
+
+
+def deselect() -> None:
+    """Click where nothing is."""
+    bpy.ops.object.select_all(action="DESELECT")

@@ -34,8 +34,12 @@ PROGRESS_COLOR = (0x47, 0x75, 0xB3)
 """The colours that inside_window.py gives to buttons of operators and to progress bars."""
 LEAST_BUTTON = 12
 """Pixels that a button has at least in both directions."""
-NOWHERE = (3, 997)
-"""A place without buttons."""
+SAME = 0.5
+"""Mean difference of pixels, of 255, of two pictures that show the same: EEVEE samples anew each time."""
+LEAST_MARGIN = 4
+"""Pixels of a button above and below what is written on it."""
+NOWHERE = ((3, 997), (700, 600))
+"""Places without buttons, in the status bar and in the 3D view."""
 
 
 class Window:
@@ -54,16 +58,21 @@ class Window:
         self._asked = 0
         self._process: subprocess.Popen[bytes] | None = None
 
-    def open(self, blend: Path, shading: str = "SOLID") -> None:
-        """Start Blender with a file, the sidebar and the Render properties in view."""
-        for script in (ROOT / "tests/desktop/inside_window.py", ROOT / "tests/blender/datablocks.py"):
-            shutil.copy(script, self.folder)
-        command = [self._script, "window", blend, "--python", self.folder / "inside_window.py", "--", self.folder]
+    def open(self, *arguments: str | Path) -> None:
+        """Start Blender, the sidebar's tab Radiosity and the Render properties in view."""
+        tests = ROOT / "tests"
+        for script in ("desktop/inside_window.py", "desktop/tutorial_steps.py", "blender/datablocks.py"):
+            shutil.copy(tests / script, self.folder)
+        command = [self._script, "window", *arguments, "--python", self.folder / "inside_window.py", "--", self.folder]
         with (self.folder / "window.log").open("wb") as log:
             self._process = subprocess.Popen(
                 command, cwd=ROOT, env=self._environment, stdout=log, stderr=log, start_new_session=True
             )
-        self.until(lambda: self.ask("arrange", shading), "the window is arranged")
+        self.turn_to("Radiosity")
+
+    def turn_to(self, tab: str) -> None:
+        """Open the sidebar at a tab; "" closes it."""
+        self.until(lambda: self.ask("arrange", tab), "the window is arranged")
 
     def close(self) -> None:
         """End Blender and its screen, whatever they are doing."""
@@ -138,7 +147,7 @@ class Window:
 
     def button(self, operator: str, place: str = "sidebar") -> tuple[int, int] | None:
         """Where the button of an operator is, and the mouse over it; None if it is not in sight."""
-        self.until(lambda: not self.hover(NOWHERE, place), "no button is under the mouse")
+        self.until(lambda: not all(self.hover(spot, place) for spot in NOWHERE), "no button is under the mouse")
         left, top, right, bottom = self.ask("place", place)
         seen = ""
         for x, y in rectangles((self.picture()[top:bottom, left:right] == OPERATOR_COLOR).all(-1)):
@@ -154,20 +163,40 @@ class Window:
         self.hands("mousemove", spot[0] + 1, spot[1], "mousemove", *spot)  # a mouse that does not move says nothing
         return str(self.ask("hovered", place))
 
-    def settled(self, name: str) -> np.ndarray:
-        """A picture of the window, kept under a name, once nothing in it changes."""
+    def view(self, name: str | None = None, unlike: np.ndarray | None = None) -> np.ndarray:
+        """A picture of the 3D view without the sidebar, once nothing changes any more.
+
+        Args:
+            name: to keep a picture of the window under
+            unlike: a view that it must no longer look like; EEVEE shows the old one until shaders are compiled
+        """
+        left, top, _, bottom = self.ask("place", "view")
+        right = self.ask("place", "sidebar")[0]
         seen = [self.picture()]
 
         def still() -> bool:
+            self.ask("redraw")
+            self.ask("state")  # is answered when all is drawn
             seen.append(self.picture())
-            return np.array_equal(*seen[-2:]) and not bars(seen[-1])
+            new = unlike is None or not alike(seen[-1][top:bottom, left:right], unlike)
+            return new and np.array_equal(*seen[-2:]) and not bars(seen[-1])
 
         self.until(still, "the window no longer changes")
-        return self.picture(name)
+        return self.picture(name)[top:bottom, left:right]
 
     def progress_bars(self) -> int:
         """Pixels of filled progress bars in sight."""
         return bars(self.picture())
+
+
+def alike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two views show the same."""
+    return bool(np.abs(one.astype(np.float32) - other).mean() < SAME)
+
+
+def red(picture: np.ndarray) -> int:
+    """How many pixels are red: the shaders of objects are compiled, and more than a grid is seen."""
+    return int((picture[..., 0] > 1.6 * picture[..., 1].astype(np.float32) + 20).sum())
 
 
 def bars(picture: np.ndarray) -> int:
@@ -176,22 +205,18 @@ def bars(picture: np.ndarray) -> int:
 
 
 def rectangles(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Centres (x, y) of the filled rectangles of a mask, from the top; what is written on them may leave holes."""
-    mask = mask.copy()
-    found = []
-    while mask.any():
-        y, x = np.unravel_index(mask.argmax(), mask.shape)
-        inner_y, inner_x = min(y + 2, mask.shape[0] - 1), min(x + 2, mask.shape[1] - 1)
-        width, height = run(mask[inner_y, inner_x:]), run(mask[inner_y:, inner_x])
-        if min(width, height) >= LEAST_BUTTON:
-            found.append((int(inner_x + width // 2), int(inner_y + height // 2)))
-        mask[y : inner_y + max(height, 1), max(x - 4, 0) : inner_x + max(width, 1) + 4] = False
-    return found
+    """Centres (x, y) of the filled rectangles of a mask, row by row; what is written on them may leave holes."""
+    return [
+        ((left + right) // 2, (top + bottom) // 2)
+        for top, bottom in spans(mask.sum(axis=1) >= LEAST_BUTTON)
+        for left, right in spans(mask[top:bottom].sum(axis=0) >= LEAST_MARGIN)
+    ]
 
 
-def run(line: np.ndarray) -> int:
-    """How many of the first are set."""
-    return len(line) if line.all() else int(line.argmin())
+def spans(line: np.ndarray) -> list[tuple[int, int]]:
+    """First and last + 1 of what is set without a gap, as far as it is as long as a button."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(np.int8), [0]]))).tolist()
+    return [(first, last) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= LEAST_BUTTON]
 
 
 def free_display() -> str:

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Goes through docs/tutorial.md in a real window of a desktop Blender, and takes its pictures.
+
+    python docs/make_tutorial_pictures.py SCRIPT
+
+SCRIPT runs that Blender; tests/desktop/conftest.py says what it must understand. The room is built by the operators
+behind the menus and keys that the tutorial names; what is ours is clicked with the mouse.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from tests.desktop.blender import Desktop  # noqa: E402
+from tests.desktop.window import Window, red  # noqa: E402
+
+PICTURES = ROOT / "docs" / "pictures"
+COLORS = 256
+"""Of a picture: windows have few."""
+ASIDE, BELOW = 240, 240
+"""Pixels at the left and at the lower edge of the 3D view that show nothing but its grid."""
+RED_CUBE = 5000
+"""Pixels of it in sight, at least."""
+WELL_ON = 3000
+"""Pixels of progress bars from which on a bake is on its way."""
+
+
+def main(script: Path) -> None:
+    """Take all pictures."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        desktop = Desktop(script, folder)
+        desktop.install()
+        window = Window(desktop, folder, ROOT / "out" / "tutorial")
+        try:
+            window.open("--factory-startup", "--addons", "bl_ext.user_default.radiosity_addon")
+            take_all(window, folder)
+        finally:
+            window.close()
+
+
+def take_all(window: Window, folder: Path) -> None:
+    """Step by step, as the tutorial tells."""
+    window.turn_to("")
+    window.ask("tutorial", "build_room")
+    keep(window, "room")
+    for step in ("color_cube", "place_lamp", "select_lamp"):
+        window.ask("tutorial", step)
+    window.turn_to("Item")
+    keep(window, "lamp")
+    window.ask("save", str(folder / "room.blend"), False)
+    window.turn_to("Radiosity")
+    window.ask("tutorial", "deselect")
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.progress_bars() > WELL_ON, "the bake is on its way")
+    crop(window, "baking", window.picture())
+    window.until(lambda: window.ask("state")["baked"], "the scene is baked")
+    window.ask("look", "MATERIAL", False)
+    window.until(lambda: red(window.picture()) > RED_CUBE, "the cube is seen")
+    baked = keep(window, "baked")
+    window.click_button("bpy.ops.radiosity.toggle(")
+    original = keep(window, "original", unlike=baked)
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.view(unlike=original)
+    window.click_button("bpy.ops.radiosity.overlay(show='illuminance'")
+    keep(window, "illuminance", unlike=baked)
+
+
+def keep(window: Window, name: str, unlike: np.ndarray | None = None) -> np.ndarray:
+    """Keep a picture of the 3D view and its sidebar once nothing changes; the view."""
+    view = window.view(unlike=unlike)
+    crop(window, name, window.picture())
+    return view
+
+
+def crop(window: Window, name: str, picture: np.ndarray) -> None:
+    """Keep what matters of a picture."""
+    left, top, right, bottom = window.ask("place", "view")
+    seen = Image.fromarray(np.ascontiguousarray(picture[top : bottom - BELOW, left + ASIDE : right]))
+    path = PICTURES / f"tutorial_{name}.png"
+    seen.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path.name}: {path.stat().st_size // 1024} KB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
