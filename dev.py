@@ -14,6 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -149,27 +150,29 @@ def release(platforms: Sequence[str], extra_wheels: Path | None, output: Path) -
     if extra_wheels is not None and not extra_wheels.is_dir():
         raise Failure(f"{extra_wheels}: no such folder.")
     python = environment(any_interpreter())
-    stage = ROOT / "build" / "stage"
-    shutil.rmtree(stage, ignore_errors=True)
-    stage.mkdir(parents=True)
-    for name in STAGED:
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, stage / name, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
-        else:
-            shutil.copy2(ROOT / name, stage / name)
+    with tempfile.TemporaryDirectory() as folder:
+        stage = Path(folder) / "stage"
+        for name in STAGED:
+            if (ROOT / name).is_dir():
+                shutil.copytree(ROOT / name, stage / name, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
+            else:
+                stage.mkdir(exist_ok=True)
+                shutil.copy2(ROOT / name, stage / name)
 
-    wheels = stage / "wheels"
-    for platform in platforms:
-        for version in PYTHONS:
-            download_wheels(python, platform, version, wheels)
-    for wheel in sorted(extra_wheels.glob("*.whl")) if extra_wheels else []:
-        shutil.copy2(wheel, wheels)
-    complete_manifest(stage / "blender_manifest.toml", platforms, sorted(path.name for path in wheels.glob("*.whl")))
+        wheels = stage / "wheels"
+        for platform in platforms:
+            for version in PYTHONS:
+                download_wheels(python, platform, version, wheels)
+        for wheel in sorted(extra_wheels.glob("*.whl")) if extra_wheels else []:
+            shutil.copy2(wheel, wheels)
+        complete_manifest(
+            stage / "blender_manifest.toml", platforms, sorted(path.name for path in wheels.glob("*.whl"))
+        )
 
-    output.mkdir(parents=True, exist_ok=True)
-    tool = extension_tool(python)
-    places = ["--source-dir", stage, "--output-dir", output.resolve()]
-    return call([python, tool, "build", "--split-platforms", *places])
+        output.mkdir(parents=True, exist_ok=True)
+        tool = extension_tool(python)
+        places = ["--source-dir", stage, "--output-dir", output.resolve()]
+        return call([python, tool, "build", "--split-platforms", *places])
 
 
 def download_wheels(python: Path, platform: str, version: str, folder: Path) -> None:

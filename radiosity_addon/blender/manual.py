@@ -22,6 +22,7 @@ SETTINGS = {
         "solver": "advanced.md#method",
         "form_factors": "advanced.md#form-factors",
         "subdivisions": "advanced.md#subdivisions",
+        "light_groups": "light_groups.md#files-of-each-group",
         "threads": "advanced.md#threads",
         "write_back": "output.md#result",
         "textures": "output.md#textures",
@@ -78,6 +79,7 @@ OPERATORS = {
     "show_report": "last_bake.md#show-report",
     "export": "export.md#export-lightmaps",
     "overlay": "judge.md#overlay",
+    "light_meter": "judge.md#light-meter",
     "copy_settings": "object.md#copy-to-selected",
 }
 """Of `bpy.ops.radiosity`, their own settings included."""
