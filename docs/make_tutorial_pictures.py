@@ -71,20 +71,20 @@ def take_all(window: Window, folder: Path) -> None:
     window.click_button("bpy.ops.radiosity.toggle(")
     window.view(unlike=original)
     window.click_button("bpy.ops.radiosity.overlay(show='illuminance'")
-    keep(window, "illuminance", unlike=baked)
+    keep(window, "illuminance", unlike=baked, below=0)  # where the legend is
 
 
-def keep(window: Window, name: str, unlike: np.ndarray | None = None) -> np.ndarray:
+def keep(window: Window, name: str, unlike: np.ndarray | None = None, below: int = BELOW) -> np.ndarray:
     """Keep a picture of the 3D view and its sidebar once nothing changes; the view."""
     view = window.view(unlike=unlike)
-    crop(window, name, window.picture())
+    crop(window, name, window.picture(), below)
     return view
 
 
-def crop(window: Window, name: str, picture: np.ndarray) -> None:
+def crop(window: Window, name: str, picture: np.ndarray, below: int = BELOW) -> None:
     """Keep what matters of a picture."""
     left, top, right, bottom = window.ask("place", "view")
-    seen = Image.fromarray(picture[top : bottom - BELOW, left + ASIDE : right] & KEPT_BITS)
+    seen = Image.fromarray(picture[top : bottom - below, left + ASIDE : right] & KEPT_BITS)
     path = PICTURES / f"tutorial_{name}.png"
     seen.save(path, optimize=True)
     print(f"{path.name}: {path.stat().st_size // 1024} KB")
