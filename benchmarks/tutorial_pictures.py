@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Goes through docs/tutorial.md in a real window of a desktop Blender, and takes its pictures.
+"""Go through docs/tutorial.md in a real window of a desktop Blender, and take its pictures.
 
-    python docs/make_tutorial_pictures.py SCRIPT
+    python3 dev.py bench tutorial_pictures -- SCRIPT
 
 SCRIPT runs that Blender; tests/desktop/conftest.py says what it must understand. The room is built by the operators
 behind the menus and keys that the tutorial names; what is ours is clicked with the mouse.
@@ -9,6 +9,7 @@ behind the menus and keys that the tutorial names; what is ours is clicked with 
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -91,4 +92,6 @@ def crop(window: Window, name: str, picture: np.ndarray, below: int = BELOW) -> 
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description="Take the pictures of docs/tutorial.md.")
+    parser.add_argument("script", type=Path, help="runs a desktop Blender, as tests/desktop/conftest.py says")
+    main(parser.parse_args().script.resolve())
