@@ -9,6 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+LAST = 3
+"""Measurements with the most samples, which are extrapolated."""
+SEEN = 0.5
+"""Share of the last squared error that a floor must make up to be believed."""
+
 
 @dataclass(frozen=True)
 class NoiseFit:
@@ -44,6 +49,19 @@ def fit_noise(samples: Sequence[float], errors: Sequence[float]) -> NoiseFit:
     allowed = [choice for choice in choices if choice.min() >= 0]
     best = min(allowed, key=lambda choice: float(np.square(parts @ choice - 1).sum()))
     return NoiseFit(math.sqrt(best[0]), math.sqrt(best[1]))
+
+
+def noise_to_extrapolate(samples: Sequence[float], errors: Sequence[float]) -> NoiseFit:
+    """What error to expect beyond the last measurement.
+
+    A floor is believed only where it makes up most of the last error already: far below it, a fit finds one by chance.
+    Elsewhere errors fall by samples^-1/2 from the last few on.
+    """
+    fit = fit_noise(samples, errors)
+    if fit.floor**2 > SEEN * errors[-1] ** 2:
+        return fit
+    variance = np.square(np.asarray(errors[-LAST:], float)) * np.asarray(samples[-LAST:], float)
+    return NoiseFit(math.sqrt(variance.mean()), 0.0)
 
 
 @dataclass(frozen=True)

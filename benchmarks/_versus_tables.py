@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._curves import Cost, NoiseFit, crossing, first_reaching, fit_cost, fit_noise
+from benchmarks._curves import Cost, NoiseFit, crossing, first_reaching, fit_cost, fit_noise, noise_to_extrapolate
 
 LEVELS = (0.025, 0.015)
 """Errors at which times are compared."""
@@ -24,15 +24,14 @@ def cost_of(bakes: list[dict[str, Any]]) -> Cost:
 
 
 def noise_of(bakes: list[dict[str, Any]]) -> NoiseFit:
-    """What noise raw Cycles has."""
-    return fit_noise([bake["samples"] for bake in bakes], [bake["error"] for bake in bakes])
+    """What noise raw Cycles has, to be extrapolated."""
+    return noise_to_extrapolate([bake["samples"] for bake in bakes], [bake["error"] for bake in bakes])
 
 
 def page_words(found: dict[str, Any]) -> str:
     """3 pages of 512 x 512."""
     pages = f"{found['pages']} page{'s' * (found['pages'] != 1)}"
-    unread = f", {found['unread_probes']} of them unread" if found["unread_probes"] else ""
-    return f"{pages} of {found['page_size']} x {found['page_size']}, {found['probes']} probes{unread}"
+    return f"{pages} of {found['page_size']} x {found['page_size']}, {found['probes']} probes"
 
 
 @dataclass(frozen=True)
@@ -141,9 +140,12 @@ def show(log: dict[str, Any]) -> None:
     for found in log["scenes"]:
         fit, cost, first = noise_of(found["cycles"]), cost_of(found["cycles"]), found["cycles"][0]
         print(f"\n{found['title']} ({found['scene']}), {page_words(found)}, {found['ours'][0]['texels']:,} texels")
-        print(f"  raw Cycles: error^2 = ({fit.noise:.1%})^2 / samples + ({fit.floor:.2%})^2")
+        whole = fit_noise([bake["samples"] for bake in found["cycles"]], [bake["error"] for bake in found["cycles"]])
+        print(f"  raw Cycles: error^2 = ({whole.noise:.1%})^2 / samples + ({whole.floor:.2%})^2 over all runs")
+        print(f"  extrapolated by ({fit.noise:.1%})^2 / samples + ({fit.floor:.2%})^2")
+        path = 1e9 * cost.each / found["ours"][0]["texels"]
         print(
-            f"  its bakes: {cost.each:.3f} s a sample; of one sample {first['seconds']:.2f} s, setup {cost.start:.2f} s"
+            f"  its bakes: setup {cost.start:.2f} s (with one sample {first['seconds']:.2f} s), {path:,.0f} ns a path"
         )
         print(f"  unwrap {found['unwrap_seconds']:.2f} s, apart, for both")
         for bake in found["ours"]:

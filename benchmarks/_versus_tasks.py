@@ -7,7 +7,7 @@ import hashlib
 import pickle
 import statistics
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,25 +23,15 @@ from tests.accuracy.probes import References
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCES = ROOT / "tests" / "accuracy" / "references"
-MOST_LEFT_OUT = 0.02
-"""Share of the probes that may lie on objects that can't be joined; where more do, Cycles bakes on a white mesh."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What Cycles' processes and the reading of pages get to know of a scene; see `_cycles_pages.join`.
-
-    Attributes:
-        unread: names of objects whose light Cycles does not bake: their probes count for neither side
-    """
+    """What Cycles' processes and the reading of pages get to know; the meshes are the scene's and their backs."""
 
     scene: Scene
     atlas: Atlas
     meshes: tuple[Mesh, ...]
-    kept: list[int]
-    materials: list[str] | None
-    replaced: list[str]
-    unread: list[str]
 
     @classmethod
     def load(cls, path: str | Path) -> Prepared:
@@ -76,43 +66,20 @@ def prepare(task: dict[str, Any]) -> dict[str, Any]:
     """In a process of its own: the scene's records and our atlas, for Cycles and for the reading of pages."""
     import bpy
 
-    from benchmarks._cycles_pages import joinable
     from radiosity_addon.atlas.unwrap import build_atlas
     from radiosity_addon.blender.extract import extract_scene
     from radiosity_addon.chunks import finish
     from radiosity_addon.geometry.sides import with_backs
 
     open_scene(task["scene"])
-    extraction = extract_scene(bpy.context.scene)
-    scene = extraction.scene
+    scene = extract_scene(bpy.context.scene).scene
     sides = with_backs(scene)
     start = time.perf_counter()
     atlas = finish(build_atlas(sides, settings_of(task)))
     seconds = time.perf_counter() - start
-    own = joinable(extraction)
-    others = [mesh.name for mesh, joined in zip(scene.meshes, own, strict=True) if not joined]
-    probed = References.load(REFERENCES / f"{task['scene']}.npz").object
-    joined = bool(np.isin(probed, others).mean() <= MOST_LEFT_OUT)
-    baked = Prepared(
-        scene=scene,
-        atlas=atlas,
-        meshes=sides.meshes,
-        kept=[
-            index
-            for index, page in enumerate(atlas.page)
-            if 0 <= page < atlas.page_count and (not joined or (index < len(own) and own[index]))
-        ],
-        materials=list(extraction.materials) if joined else None,
-        replaced=sorted({source.object_name for source, taken in zip(extraction.sources, own, strict=True) if taken})
-        if joined
-        else [],
-        unread=others if joined else [],
-    )
     with open(task["file"], "wb") as file:
-        pickle.dump(baked, file)
+        pickle.dump(Prepared(scene, atlas, sides.meshes), file)
     return {
-        "joined": joined,
-        "unread_probes": int(np.isin(probed, baked.unread).sum()),
         "unwrap_seconds": seconds,
         "triangles": sum(len(mesh.triangles) for mesh in scene.meshes),
         "pages": atlas.page_count,
@@ -169,11 +136,12 @@ def bake_ours(task: dict[str, Any]) -> dict[str, Any]:
 
 def bake_cycles(task: dict[str, Any]) -> dict[str, Any]:
     """In a process of its own: Cycles' bake, and what OIDN makes of it."""
-    from benchmarks._cycles_pages import FILTERS, bake_pages, configure, denoised, join
+    from benchmarks._cycles_pages import FILTERS, bake_pages, configure, denoised, receivers
 
     prepared = Prepared.load(task["prepared"])
     open_scene(task["scene"])
-    images = join(prepared.meshes, prepared.kept, prepared.atlas, prepared.materials, prepared.replaced)
+    atlas = prepared.atlas
+    images = receivers(prepared.meshes, atlas.uv, atlas.page, atlas.page_count, atlas.size)
     configure(task["samples"], task["threads"])
     before, _ = memory()
     pages, seconds = bake_pages(images)
@@ -196,8 +164,6 @@ def bake_cycles(task: dict[str, Any]) -> dict[str, Any]:
 def errors_of(pages: Path, prepared: Path, references: References) -> dict[str, float]:
     """The suite's figures for pages that were saved."""
     known = Prepared.load(prepared)
-    read = ~np.isin(references.object, known.unread)
-    parts = {name: getattr(references, name)[read] for name in ("object", "position", "normal", "value", "noise")}
     baked = SimpleNamespace(atlas=known.atlas, pages=list(np.load(pages)))
-    found = compare(baked, known.scene, replace(references, **parts))
+    found = compare(baked, known.scene, references)
     return {"error": found.rms, "bias": found.bias, "percentile_99": found.percentile_99, "noise": found.noise}

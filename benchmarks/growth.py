@@ -40,6 +40,8 @@ from radiosity_addon.settings import BakeSettings, Quality  # noqa: E402
 LOG = ROOT / "out" / "bench" / "growth.json"
 PUBLISHED_LOG = ROOT / "benchmarks" / "results" / "growth.json"
 PUBLISHED_PICTURE = ROOT / "docs" / "pictures" / "growth.png"
+PATCHES = (200, 5_000, 50_000, 500_000, 1_300_000)
+"""Asked for; patches that surfaces and walls part are more, and where each is a texel there are no more."""
 SMALL_PAGE, LARGE_PAGE = 512, 2048
 """Pages where triangles or lamps grow, and where patches do: there must be more texels than the most of them."""
 
@@ -60,7 +62,7 @@ AXES: dict[str, list[Point]] = {
     "triangles": [
         Point(page_size=SMALL_PAGE, triangles=count) for count in (1_000, 10_000, 100_000, 1_000_000, 2_000_000)
     ],
-    "patches": [Point(page_size=LARGE_PAGE, patches=count) for count in (1_000, 10_000, 100_000, 1_000_000)],
+    "patches": [Point(page_size=LARGE_PAGE, patches=count) for count in PATCHES],
     "lamps": [Point(page_size=SMALL_PAGE, lamps=count) for count in (1, 10, 100, 1_000)],
     "threads": [Point(threads=count) for count in (1, 2)],
 }

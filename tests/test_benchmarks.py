@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from benchmarks._curves import NoiseFit, crossing, exponent, first_reaching, fit_cost, fit_noise
+from benchmarks._curves import NoiseFit, crossing, exponent, first_reaching, fit_cost, fit_noise, noise_to_extrapolate
 
 SAMPLES = [1, 4, 16, 64, 256]
 
@@ -43,6 +43,21 @@ def test_no_number_of_samples_gets_below_the_floor() -> None:
 def test_without_a_floor_half_the_error_costs_four_times_the_samples() -> None:
     made = NoiseFit(0.4, 0.0)
     assert made.samples(0.01) == pytest.approx(4 * made.samples(0.02))
+
+
+def test_a_floor_far_below_the_last_error_is_taken_for_chance() -> None:
+    errors = [NoiseFit(0.4, 0.005).error(count) for count in SAMPLES]
+    assert noise_to_extrapolate(SAMPLES, errors) == NoiseFit(pytest.approx(0.4, rel=0.02), 0.0)
+
+
+def test_a_floor_that_the_last_error_has_nearly_reached_counts() -> None:
+    errors = [NoiseFit(0.4, 0.03).error(count) for count in SAMPLES]
+    assert noise_to_extrapolate(SAMPLES, errors).floor == pytest.approx(0.03)
+
+
+def test_noise_is_extrapolated_from_the_last_measurements() -> None:
+    errors = [9.0, 0.4 / 2, 0.4 / 4, 0.4 / 8, 0.4 / 16]
+    assert noise_to_extrapolate(SAMPLES, errors).noise == pytest.approx(0.4)
 
 
 def test_cost_is_a_start_and_a_price_a_sample() -> None:

@@ -65,7 +65,7 @@ PLANS = {
     "dining": Plan(0.0255, 384, count=200),
     "pavilion": Plan(0.0165, 384, count=180),
     "aces_box": Plan(0.016, 384, count=160),
-    "level": Plan(1 / 15, 1280, count=250, inside=np.array([[0.0, 0.0, -0.003], [24.9, 24.0, 3.21]])),
+    "level": Plan(1 / 16.5, 1024, count=250, inside=np.array([[0.0, 0.0, -0.003], [18.61, 24.01, 3.21]])),
 }
 
 

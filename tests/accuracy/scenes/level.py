@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A game's level: twelve rooms and two corridors with pillars, crates, pipes, lamps of all kinds and skylights."""
+"""A game's level: nine rooms and two corridors with pillars, crates, pipes, lamps of all kinds and skylights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from parts import finish, placed_copy, sheet, sun
 
 ROOM, CORRIDOR, WALL, HEIGHT = 6.0, 2.4, 0.3, 3.2
 DOOR, DOOR_HEIGHT, SKYLIGHT = 1.6, 2.3, 2.0
-COLUMNS = 4
+COLUMNS = 3
 BANDS = (ROOM, CORRIDOR, ROOM, CORRIDOR, ROOM)
 """Depths of rows of rooms and of the corridors between them, m."""
 SINK = 0.004
@@ -62,7 +62,7 @@ def walls(paints: list[bpy.types.Material]) -> None:
     lines = [-WALL, *(middle + side for middle, side in zip(middles, doors, strict=True)), WIDTH + WALL]
     for number in range(len(BANDS) + 1):
         inner = 0 < number < len(BANDS)
-        gaps = {1, 3, 5, 7} if inner else set()
+        gaps = set(range(1, 2 * COLUMNS, 2)) if inner else set()
         wall(f"Long Wall {number}", lines, gaps, paints[number % 3], (0, band_start(number) - WALL, 0), 0)
     for band, depth in enumerate(BANDS):
         for number in range(COLUMNS + 1) if depth == ROOM else (0, COLUMNS):
@@ -90,14 +90,13 @@ def floors_and_ceilings(stone: bpy.types.Material, plaster: bpy.types.Material) 
 
 def furniture(stone: bpy.types.Material, wood: bpy.types.Material, iron: bpy.types.Material) -> None:
     """Pillars, crates, urns and pipes, all copies of few meshes."""
-    profile = [(0, -SINK), (0.34, -SINK), (0.34, 0.12), (0.27, 0.2), (0.25, 0.28), (0.23, 1.6), (0.21, 2.7)]
-    profile += [(0.25, 2.78), (0.22, 2.84), (0.3, 2.95), (0.36, 3.02), (0.36, HEIGHT + SINK), (0, HEIGHT + SINK)]
-    urn = [(0, -SINK), (0.2, -SINK), (0.22, 0.05), (0.12, 0.12)]
-    urn += [(0.12 + 0.26 * math.sin(math.pi * k / 16), 0.12 + 0.6 * k / 16) for k in range(1, 16)]
-    urn += [(0.14, 0.72), (0.2, 0.8), (0.17, 0.8), (0.11, 0.72), (0.09, 0.3), (0, 0.25)]
+    shaft = [(0.3 - 0.08 * math.sin(math.pi * k / 24), HEIGHT * k / 24) for k in range(1, 24)]
+    profile = [(0, -SINK), (0.3, -SINK), *shaft, (0.3, HEIGHT + SINK), (0, HEIGHT + SINK)]
+    belly = [(0.15 + 0.25 * math.sin(math.pi * k / 20), 0.9 * k / 20) for k in range(1, 20)]
+    urn = [(0, -SINK), (0.15, -SINK), *belly, (0.15, 0.9), (0, 0.9)]
     pillar = smooth(mesh_object("Pillar", *lathe(profile, 40), stone, (1.3, 1.3, 0)))
-    pot = smooth(mesh_object("Urn", *lathe(urn, 48), wood, (3.0, 5.2, 0)))
-    crate = box("Crate", (0.8, 0.8, 0.8), wood, (5.2, 0.9, -SINK), 0.03)
+    pot = smooth(mesh_object("Urn", *lathe(urn, 40), wood, (3.0, 5.2, 0)))
+    crate = box("Crate", (0.8, 0.8, 0.8), wood, (5.5, 0.5, -SINK))
     pillars = urns = crates = 0
     for band in (0, 2, 4):
         for column in range(COLUMNS):
@@ -134,15 +133,15 @@ def lamps() -> None:
                 put(panel.name, panel, (*middle, HEIGHT - 0.02))
             else:
                 bulb = bpy.data.lights.new(f"Bulb {band} {column}", "POINT")
-                bulb.energy, bulb.shadow_soft_size, bulb.color = 25.0, 0.05, colors[column % 3]
+                bulb.energy, bulb.shadow_soft_size, bulb.color = 25.0, 0.15, colors[column % 3]
                 put(bulb.name, bulb, (middle[0] - 2.2, middle[1] + 0.4, 2.2))
     for band in (1, 3):
         for column in range(COLUMNS + 1):
             spot = bpy.data.lights.new(f"Spot {band} {column}", "SPOT")
             spot.energy, spot.spot_size, spot.spot_blend = 120.0, math.radians(85), 0.4
-            spot.shadow_soft_size, spot.color = 0.04, colors[(band + column) % 3]
+            spot.shadow_soft_size, spot.color = 0.15, colors[(band + column) % 3]
             x = min(max(column * (ROOM + WALL), 0.4), WIDTH - 0.4)
-            put(spot.name, spot, (x, band_start(band) + CORRIDOR / 2, HEIGHT - 0.05))
+            put(spot.name, spot, (x, band_start(band) + CORRIDOR / 2, HEIGHT - 0.2))
         glow = material(f"Sign {band}", "ShaderNodeEmission", Color=(0.2, 1.0, 0.5), Strength=6.0)
         y = band_start(band)
         corners = [(WIDTH - 0.02, y + x, z) for x, z in ((1.7, 2.2), (0.7, 2.2), (0.7, 2.5), (1.7, 2.5))]
@@ -153,7 +152,7 @@ def build() -> object:
     """Make the scene in Blender."""
     scene = empty_scene()
     sky(scene, (0.55, 0.7, 1.0), 1.6)
-    sun(scene, 4.0, 32, 25, (1.0, 0.93, 0.82))
+    sun(scene, 4.0, 32, 25, (1.0, 0.93, 0.82), 2.0)
     paints = [
         diffuse("Brick", (0.46, 0.3, 0.23)),
         diffuse("Lime", (0.72, 0.69, 0.62)),
