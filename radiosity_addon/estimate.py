@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from .settings import BakeSettings
@@ -18,8 +18,33 @@ BYTES_PER_TEXEL = 100
 BYTES_OF_CHUNKS = 500e6
 """What it holds for a moment beyond that, at most."""
 
-SECONDS = {"draft": (1.0, 7e-6), "medium": (3.0, 9e-6), "high": (5.0, 12e-6)}
-"""Seconds that a bake takes at least, and for each texel: between a Cornell box and a furnished room, on two cores."""
+SECONDS = {"draft": (0.3, 7e-6), "medium": (2.3, 9e-6), "high": (4.3, 12e-6)}
+"""Seconds that the light of a bake takes at least, and for each texel: between a Cornell box and a furnished room, on
+two cores."""
+
+FIXED_STAGES = ("Read scene", "Unwrap", "Transparency", "Write back")
+"""Stages whose time follows from the scene, however many texels and rays are spent on it."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a machine bakes a scene.
+
+    Attributes:
+        fixed: seconds of FIXED_STAGES
+        slowness: how much longer all else takes than SECONDS say
+    """
+
+    fixed: float = 0.7
+    slowness: float = 1.0
+
+    @staticmethod
+    def of(stages: Iterable[tuple[str, float, int]], texels: int, quality: str) -> Pace:
+        """The pace of a bake with these stages: name, seconds, rays."""
+        seconds = dict.fromkeys((True, False), 0.0)
+        for name, each, _ in stages:
+            seconds[name in FIXED_STAGES] += each
+        return Pace(seconds[True], seconds[False] / _seconds(texels, quality))
 
 
 @dataclass(frozen=True)
@@ -41,15 +66,16 @@ class Estimate:
     seconds: float
 
 
-def estimate(area: float | None, settings: BakeSettings, groups: int = 1, slowness: float = 1.0) -> Estimate:
+def estimate(area: float | None, settings: BakeSettings, groups: int = 1, pace: Pace | None = None) -> Estimate:
     """What a bake of surfaces of this area will take.
 
     Args:
         area: m2, of what gets a lightmap, each surface's times its density multiplier squared; None: not known yet,
             which is enough to fill a page
         groups: page groups, each of which fills pages of its own
-        slowness: of machine and scene, as `slowness_of` finds it
+        pace: of machine and scene
     """
+    pace = pace or Pace()
     page = settings.page_size**2
     pages, density = groups, settings.density
     texels = FILLED * page * groups
@@ -58,17 +84,13 @@ def estimate(area: float | None, settings: BakeSettings, groups: int = 1, slowne
     elif area:
         texels = area * density**2
         pages = max(groups, math.ceil(texels / (FILLED * page)))
-    return Estimate(pages, round(texels), density, memory_of(texels), slowness * _seconds(texels, settings.quality))
+    seconds = pace.fixed + pace.slowness * _seconds(texels, settings.quality)
+    return Estimate(pages, round(texels), density, memory_of(texels), seconds)
 
 
 def memory_of(texels: float) -> float:
     """Bytes that a bake needs at most, beside Blender itself."""
     return texels * BYTES_PER_TEXEL + BYTES_OF_CHUNKS
-
-
-def slowness_of(seconds: float, texels: int, quality: str) -> float:
-    """How much longer a bake took than the plain one that SECONDS was measured on."""
-    return seconds / _seconds(texels, quality)
 
 
 def too_large(areas: Sequence[tuple[str, float]], settings: BakeSettings) -> list[str]:

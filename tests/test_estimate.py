@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from radiosity_addon.estimate import about, about_seconds, estimate, slowness_of
+from radiosity_addon.estimate import Pace, about, about_seconds, estimate
 from radiosity_addon.settings import QUALITIES, BakeSettings
 
 
@@ -33,11 +33,18 @@ def test_better_qualities_take_longer_and_memory_grows_with_texels() -> None:
     assert small.seconds < large.seconds
 
 
-def test_a_machine_twice_as_slow_is_expected_to_take_twice_as_long() -> None:
-    plain = estimate(None, BakeSettings())
-    slowness = slowness_of(2 * plain.seconds, plain.texels, "medium")
-    assert slowness == pytest.approx(2)
-    assert estimate(None, BakeSettings(), slowness=slowness).seconds == pytest.approx(2 * plain.seconds)
+def test_a_bake_tells_how_long_the_same_bake_takes() -> None:
+    texels = estimate(None, BakeSettings()).texels
+    stages = [("Read scene", 1.5, 0), ("Unwrap", 2.5, 0), ("Direct light", 20.0, 9), ("Gather", 10.0, 9)]
+    pace = Pace.of(stages, texels, "medium")
+    assert pace.fixed == 4.0
+    assert estimate(None, BakeSettings(), pace=pace).seconds == pytest.approx(34.0)
+
+
+def test_what_a_scene_takes_whatever_the_quality_is_not_multiplied() -> None:
+    pace = Pace(fixed=60.0)
+    draft, high = (estimate(None, BakeSettings(quality=name), pace=pace).seconds for name in ("draft", "high"))
+    assert 60 < draft < high < 80
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 from ..errors import SceneError
-from ..estimate import slowness_of
+from ..estimate import Pace
 from ..reports.report import Report
 from ..reports.report_page import write_report_page
 from .names import BAKE_KEY, PAGE_KEY, REPORT_KEY
@@ -24,18 +24,22 @@ EXTENSION = __package__.rpartition(".")[0].rpartition(".")[0] if __package__.cou
 NEWEST = 0.5
 """Weight of the newest bake in what is known of this machine; the rest is what was known before."""
 
+TELLING = 500_000
+"""Texels from which on a bake has that weight."""
+
 _machine: dict[str, float] = {}
 """`slowness` of this machine, once it was looked up."""
 
 
 def keep_report(scene: bpy.types.Scene, report: Report) -> None:
     """Keep a bake's report on its scene."""
-    told = slowness(scene) if report.ended_in else slowness_of(report.seconds, report.texels, report.settings.quality)
+    found = pace(scene) if report.ended_in else _pace_of(report)
     folder = next((page.file.parent for page in report.pages if page.file), Path.cwd())
     scene[REPORT_KEY] = {
         "summary": report.summary(),
         "warnings": "\n".join(warning.replace("\n", " ") for warning in report.warnings),
-        "slowness": told,
+        "fixed": found.fixed,
+        "slowness": found.slowness,
         "report": report.as_json(folder),
     }
 
@@ -87,23 +91,28 @@ def _file_of(image: bpy.types.Image, unpacked: Path) -> Path:
     return path
 
 
-def slowness(scene: bpy.types.Scene) -> float:
-    """How much longer bakes take than on the machine that estimates were made for: of this scene, or this machine."""
+def pace(scene: bpy.types.Scene) -> Pace:
+    """How fast the scene is baked here: as last time, or as this machine did others."""
     if REPORT_KEY in scene:
-        return float(scene[REPORT_KEY]["slowness"])
+        return Pace(float(scene[REPORT_KEY]["fixed"]), float(scene[REPORT_KEY]["slowness"]))
     if not _machine:
         _machine["slowness"] = _read_machine()
-    return _machine["slowness"]
+    return Pace(slowness=_machine["slowness"])
 
 
 def learn(report: Report) -> None:
-    """Remember how long a bake took, for other scenes on this machine."""
+    """Remember how long a bake took, for other scenes on this machine: a small one tells little."""
     before = _machine["slowness"] if _machine else _read_machine()
-    now = slowness_of(report.seconds, report.texels, report.settings.quality)
-    _machine["slowness"] = math.exp((1 - NEWEST) * math.log(before) + NEWEST * math.log(max(now, 1e-3)))
+    weight = NEWEST * min(1.0, report.texels / TELLING)
+    now = max(_pace_of(report).slowness, 1e-3)
+    _machine["slowness"] = math.exp((1 - weight) * math.log(before) + weight * math.log(now))
     path = _machine_file(create=True)
     if path is not None:
         path.write_text(json.dumps(_machine), encoding="utf-8")
+
+
+def _pace_of(report: Report) -> Pace:
+    return Pace.of(report.stages, report.texels, report.settings.quality)
 
 
 def _read_machine() -> float:

@@ -12,7 +12,7 @@ from bpy.props import StringProperty
 from ..errors import explained
 from ..estimate import Estimate, estimate
 from .inspection import Inspection, inspect
-from .last_bake import slowness
+from .last_bake import pace
 from .names import BAKE_KEY
 from .operators import Running
 from .originals import shows_originals
@@ -54,7 +54,7 @@ def expected(scene: bpy.types.Scene) -> Estimate:
     known = Checked.of(scene)
     settings = scene.radiosity.bake_settings()
     area, groups = (known.area, known.page_groups) if known else (None, 1)
-    return estimate(area, settings, max(groups, 1), slowness(scene))
+    return estimate(area, settings, max(groups, 1), pace(scene))
 
 
 class RADIOSITY_OT_check(bpy.types.Operator):

@@ -9,8 +9,9 @@ import bpy
 import pytest
 
 from radiosity_addon.blender import last_bake
-from radiosity_addon.blender.last_bake import slowness, summary, warnings, write_last_report
+from radiosity_addon.blender.last_bake import pace, summary, warnings, write_last_report
 from radiosity_addon.errors import SceneError
+from radiosity_addon.estimate import Pace
 from tests.blender.built import add_lamp, add_mesh
 
 
@@ -70,14 +71,24 @@ def test_how_slow_a_bake_was_is_known_for_its_scene_and_learned_for_others(
     file = tmp_path / "speed.json"
     monkeypatch.setattr(last_bake, "_machine", {})
     monkeypatch.setattr(last_bake, "_machine_file", lambda create: file)
-    assert slowness(scene) == 1.0
+    monkeypatch.setattr(last_bake, "TELLING", 1)
+    assert pace(scene) == Pace()
     bpy.ops.radiosity.bake()
-    of_scene = slowness(scene)
-    assert of_scene != 1.0
+    of_scene = pace(scene)
+    assert of_scene.slowness != 1.0
     other = bpy.data.scenes.new("Other")
-    assert slowness(other) == pytest.approx(of_scene**0.5), "half way, on a scale of ratios"
+    learned = Pace().fixed, pytest.approx(of_scene.slowness**0.5)  # half way, on a scale of ratios
+    assert (pace(other).fixed, pace(other).slowness) == learned
     last_bake._machine.clear()
-    assert slowness(other) == pytest.approx(of_scene**0.5), "from the file"
+    assert (pace(other).fixed, pace(other).slowness) == learned, "from the file"
     file.write_text("not JSON")
     last_bake._machine.clear()
-    assert slowness(other) == 1.0
+    assert pace(other) == Pace()
+
+
+def test_a_tiny_bake_tells_next_to_nothing_of_the_machine(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(last_bake, "_machine", {"slowness": 1.0})
+    bpy.ops.radiosity.bake()
+    assert last_bake._machine["slowness"] == pytest.approx(1.0, abs=0.01)
