@@ -18,7 +18,7 @@ BYTES_PER_TEXEL = 100
 BYTES_OF_CHUNKS = 500e6
 """What it holds for a moment beyond that, at most."""
 
-SECONDS = {"draft": (0.3, 7e-6), "medium": (2.3, 9e-6), "high": (4.3, 12e-6)}
+SECONDS = {"draft": (0.8, 7e-6), "medium": (2.3, 9e-6), "high": (4.3, 12e-6)}
 """Seconds that the light of a bake takes at least, and for each texel: between a Cornell box and a furnished room, on
 two cores."""
 
