@@ -51,6 +51,7 @@ def show_originals(scene: bpy.types.Scene) -> None:
             mesh[SHOWN_KEY] = shown
             for index, preview in shown.items():
                 mesh.materials[int(index)] = original_material(preview)
+            mesh.update()  # or the 3D view goes on showing what it has
     for thing in bpy.data.objects:
         if not is_stand_in(thing):
             _undress(thing, token)
@@ -67,6 +68,7 @@ def show_bake(scene: bpy.types.Scene) -> None:
                 if int(index) < len(mesh.materials) and mesh.materials[int(index)] == original_material(preview):
                     mesh.materials[int(index)] = preview
             del mesh[SHOWN_KEY]
+            mesh.update()
     for thing in of_bake(bpy.data.objects, token):
         if ORIGINALS_KEY in thing:
             only_instances = bool(thing[ORIGINALS_KEY])

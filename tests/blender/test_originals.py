@@ -64,6 +64,21 @@ def test_the_original_looks_as_before_the_bake(things: list[bpy.types.Object], t
     assert shows_originals(bpy.context.scene)
 
 
+def test_what_is_drawn_follows(things: list[bpy.types.Object], tmp_path: Path) -> None:
+    def drawn() -> list[str]:
+        bpy.context.view_layer.update()
+        evaluated = [thing.evaluated_get(bpy.context.evaluated_depsgraph_get()) for thing in things]
+        return [slot.material.name for thing in evaluated for slot in thing.material_slots if slot.material]
+
+    before = drawn()
+    baked(things, tmp_path)
+    lit = drawn()
+    show_originals(bpy.context.scene)
+    assert drawn() == before != lit
+    show_bake(bpy.context.scene)
+    assert drawn() == lit
+
+
 def test_there_and_back_leaves_the_bake_as_it_was(things: list[bpy.types.Object], tmp_path: Path) -> None:
     baked(things, tmp_path)
     lit = snapshot()
