@@ -10,8 +10,10 @@ behind the menus and keys that the tutorial names; what is ours is clicked with 
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +26,10 @@ from tests.desktop.blender import Desktop  # noqa: E402
 from tests.desktop.window import Window, red  # noqa: E402
 
 PICTURES = ROOT / "docs" / "pictures"
-KEPT_BITS = 0xFE
-"""Of each channel: files of half the size, and no eye tells."""
+MOST_BYTES = 300_000
+"""Of a picture."""
+BITS = (0xFF, 0xFE, 0xFC, 0xF8)
+"""Of each channel, that are kept; the lowest, which no eye tells, are given up for smaller files."""
 ASIDE, BELOW = 400, 240
 """Pixels at the left and at the lower edge of the 3D view that show nothing but its grid."""
 RED_CUBE = 5000
@@ -34,18 +38,35 @@ WELL_ON = 3000
 """Pixels of progress bars from which on a bake is on its way."""
 
 
-def main(script: Path) -> None:
-    """Take all pictures."""
+def main(script: Path, wanted: str) -> None:
+    """Take all pictures of the tutorial, or the README's of a window."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         desktop = Desktop(script, folder)
         desktop.install()
         window = Window(desktop, folder, ROOT / "out" / "tutorial")
         try:
-            window.open("--factory-startup", "--addons", "bl_ext.user_default.radiosity_addon")
-            take_all(window, folder)
+            if wanted == "tutorial":
+                window.open("--factory-startup", "--addons", "bl_ext.user_default.radiosity_addon")
+                take_all(window, folder)
+            else:
+                window.open(shutil.copy(ROOT / "sample_scenes/interior.blend", folder))
+                take_window(window)
         finally:
             window.close()
+
+
+def take_window(window: Window) -> None:
+    """The interior after one click on Bake Radiosity, in Material Preview; and how long the window had to wait."""
+    window.ask("look", "SOLID", True)
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.ask("state")["baked"], "the scene is baked")
+    solid = window.view()
+    window.ask("look", "MATERIAL", True)
+    window.until(lambda: red(window.picture()) > RED_CUBE, "the walls are seen")
+    window.view(unlike=solid)
+    save(window.picture(), PICTURES / "blender_window.png", BITS[-1:])
+    print(window.ask("state")["report"]["window"])
 
 
 def take_all(window: Window, folder: Path) -> None:
@@ -85,13 +106,22 @@ def keep(window: Window, name: str, unlike: np.ndarray | None = None, below: int
 def crop(window: Window, name: str, picture: np.ndarray, below: int = BELOW) -> None:
     """Keep what matters of a picture."""
     left, top, right, bottom = window.ask("place", "view")
-    seen = Image.fromarray(picture[top : bottom - below, left + ASIDE : right] & KEPT_BITS)
-    path = PICTURES / f"tutorial_{name}.png"
-    seen.save(path, optimize=True)
+    seen = picture[top : bottom - below, left + ASIDE : right]
+    save(seen, PICTURES / f"tutorial_{name}.png")
+
+
+def save(seen: np.ndarray, path: Path, bits: Sequence[int] = BITS) -> None:
+    """Write a picture, as exactly as its size allows."""
+    for kept in bits:
+        Image.fromarray(seen & kept).save(path, optimize=True)
+        if path.stat().st_size < MOST_BYTES:
+            break
     print(f"{path.name}: {path.stat().st_size // 1024} KB")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Take the pictures of docs/tutorial.md.")
+    parser = argparse.ArgumentParser(description="Take pictures of a real window.")
     parser.add_argument("script", type=Path, help="runs a desktop Blender, as tests/desktop/conftest.py says")
-    main(parser.parse_args().script.resolve())
+    parser.add_argument("--only", choices=("tutorial", "readme"), default="tutorial", help="default: tutorial")
+    arguments = parser.parse_args()
+    main(arguments.script.resolve(), arguments.only)

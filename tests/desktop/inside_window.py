@@ -77,6 +77,7 @@ def state() -> dict[str, Any]:
         "running": "RADIOSITY_OT_bake" in running(),
         "baked": "radiosity_bake" in scene,
         "original": "radiosity_originals" in scene,
+        "report": json.loads(scene["radiosity_report"]["report"]) if "radiosity_report" in scene else None,
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],
     }

@@ -55,24 +55,23 @@ def unlit(window: Window) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def bars(window: Window, unlit: np.ndarray) -> list[int]:
-    """Lengths of the progress bars while a bake goes on that was started by a click."""
+def running(window: Window, unlit: np.ndarray) -> dict[str, Any]:
+    """Lengths of the progress bars while a bake runs that was started by a click, and the state once light is seen."""
     window.ask("choose", LONG_BAKE)
     window.click_button("bpy.ops.radiosity.bake(")
     window.until(lambda: window.ask("state")["running"], "the bake runs")
     first = window.until(window.progress_bars, "a progress bar is seen")
     second = window.until(lambda: max(window.progress_bars() - first, 0), "the bar has grown") + first
-    window.picture("baking")
-    return [first, second]
+    window.until(lambda: not alike(window.glance("baking"), unlit), "light is seen")
+    return {"bars": [first, second], **window.ask("state")}
 
 
 @pytest.fixture(scope="module")
-def cancelled(window: Window, bars: list[int]) -> dict[str, Any]:
-    """The state after Esc."""
+def cancelled(window: Window, running: dict[str, Any]) -> dict[str, Any]:
+    """The state after Esc, and what the 3D view shows then."""
     window.press("Escape")
     window.until(lambda: not window.ask("state")["running"], "the bake has ended")
-    window.picture("cancelled")
-    return dict(window.ask("state"))
+    return {"view": window.view("cancelled"), **window.ask("state")}
 
 
 @pytest.fixture(scope="module")
@@ -103,11 +102,17 @@ def reverted(window: Window, baked: dict[str, Any], toggled: list[np.ndarray]) -
     return {"view": window.view("reverted", unlike=baked["view"]), **window.ask("state")}
 
 
-def test_progress_bar_grows_while_the_window_is_drawn(bars: list[int]) -> None:
-    assert 0 < bars[0] < bars[1]
+def test_progress_bar_grows_while_the_window_is_drawn(running: dict[str, Any]) -> None:
+    assert 0 < running["bars"][0] < running["bars"][1]
 
 
-def test_escape_cancels_and_leaves_no_trace(cancelled: dict[str, Any], blend: Path) -> None:
+def test_light_is_seen_while_the_bake_runs(running: dict[str, Any]) -> None:
+    assert running["running"]
+    assert not running["baked"]
+
+
+def test_escape_cancels_and_leaves_no_trace(cancelled: dict[str, Any], unlit: np.ndarray, blend: Path) -> None:
+    assert alike(cancelled["view"], unlit)
     assert not cancelled["baked"]
     assert cancelled["uv_maps"] == 0
     assert cancelled["images"] == []

@@ -170,18 +170,22 @@ class Window:
             name: to keep a picture of the window under
             unlike: a view that it must no longer look like; EEVEE shows the old one until shaders are compiled
         """
-        left, top, _, bottom = self.ask("place", "view")
-        right = self.ask("place", "sidebar")[0]
-        seen = [self.picture()]
+        seen = [self.glance()]
 
         def still() -> bool:
             self.ask("redraw")
             self.ask("state")  # is answered when all is drawn
-            seen.append(self.picture())
-            new = unlike is None or not alike(seen[-1][top:bottom, left:right], unlike)
-            return new and np.array_equal(*seen[-2:]) and not bars(seen[-1])
+            seen.append(self.glance(name))
+            new = unlike is None or not alike(seen[-1], unlike)
+            return new and np.array_equal(*seen[-2:]) and not self.progress_bars()
 
         self.until(still, "the window no longer changes")
+        return seen[-1]
+
+    def glance(self, name: str | None = None) -> np.ndarray:
+        """A picture of the 3D view without the sidebar, as it is."""
+        left, top, _, bottom = self.ask("place", "view")
+        right = self.ask("place", "sidebar")[0]
         return self.picture(name)[top:bottom, left:right]
 
     def progress_bars(self) -> int:
