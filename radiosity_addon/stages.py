@@ -14,16 +14,16 @@ from .viewing import Satisfied, Viewer
 T = TypeVar("T")
 
 STAGES = {
-    "Unwrap": 0.1,
+    "Unwrap": 0.09,
     "Transparency": 0.01,
-    "Texels": 0.05,
-    "Materials": 0.02,
-    "Direct light": 0.26,
-    "Transport": 0.14,
-    "Radiosity": 0.05,
-    "Gather": 0.32,
-    "Check": 0.02,
-    "Pages": 0.03,
+    "Texels": 0.06,
+    "Materials": 0.01,
+    "Direct light": 0.2,
+    "Transport": 0.08,
+    "Radiosity": 0.02,
+    "Gather": 0.48,
+    "Check": 0.03,
+    "Pages": 0.02,
 }
 """Stages and their usual shares of the time."""
 
