@@ -141,9 +141,9 @@ class LiveLight:
         if self._viewer is None:
             return
         if direct is not None:
-            self._direct = direct().sum(1)
+            self._direct = self._with_hidden(direct().sum(1), self._direct)
         if indirect is not None:
-            self._indirect = indirect().sum(1)
+            self._indirect = self._with_hidden(indirect().sum(1), self._indirect)
         self._show()
 
     def exchanged(self, irradiance: Found) -> None:
@@ -155,9 +155,15 @@ class LiveLight:
     def gathered(self, irradiance: Float32, point: Int32) -> None:
         """Take what gather points received, (P, 3 G), for the texels (T,) that each stands for, -1: none."""
         if self._viewer is not None:
-            self._indirect = irradiance[point].reshape(len(point), -1, 3).sum(1)
-            self._indirect[point < 0] = 0
+            found = irradiance[point].reshape(len(point), -1, 3).sum(1)
+            self._indirect = self._with_hidden(found, self._indirect)
             self._show()
+
+    def _with_hidden(self, found: Float32, before: Float32) -> Float32:
+        """What was found (T, 3), and at texels inside solids, where nothing is found, what was shown before."""
+        hidden = np.flatnonzero(~self._texels.valid)
+        found[hidden] = before[hidden]
+        return found
 
     def _show(self) -> None:
         assert self._viewer is not None

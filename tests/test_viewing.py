@@ -94,9 +94,9 @@ def test_a_bake_stopped_early_has_whole_pages_near_those_of_the_whole(stage: str
     assert [each.name for each in baked.stages] == [*list(STAGES)[:last], "Pages"]
 
 
-def test_the_later_a_bake_is_stopped_the_better_it_is(whole: Baked) -> None:
+def test_a_bake_stopped_after_direct_light_is_better_than_one_stopped_before(whole: Baked) -> None:
     errors = [np.abs(stopped_in(stage)[0].pages[0] - whole.pages[0]).mean() for stage in STOPPED_IN]
-    assert errors[0] > errors[1] > errors[2]
+    assert errors[0] > 1.1 * max(errors[1:])
 
 
 def test_nobody_can_be_satisfied_before_there_is_something_to_keep() -> None:

@@ -42,8 +42,8 @@ SHADOW_RAYS = 4
 PATCH_WIDTH = 2.0
 """Of patches, in vertex spacings."""
 
-RAYS = 48
-"""Of a patch."""
+RAYS_IN_ALL, FEWEST_RAYS, MOST_RAYS = 128_000, 48, 256
+"""Of all patches together, and of each: few patches can afford many."""
 
 BOUNCES = 12
 
@@ -179,9 +179,10 @@ class _Patches:
         surfaces = self.vertices.surfaces
         count, own = len(self.names), np.argsort(self.owner, kind="stable")
         number = np.bincount(self.owner, minlength=count)
-        patch = np.repeat(np.arange(count), RAYS)
-        ray = np.tile(np.arange(RAYS), count)
-        sender = own[(np.cumsum(number) - number)[patch] + ray * number[patch] // RAYS]
+        rays = min(max(RAYS_IN_ALL // count, FEWEST_RAYS), MOST_RAYS)
+        patch = np.repeat(np.arange(count), rays)
+        ray = np.tile(np.arange(rays), count)
+        sender = own[(np.cumsum(number) - number)[patch] + ray * number[patch] // rays]
         normal = surfaces.normals(self.vertices.triangle[self.vertices.seat[sender]])
         ways = cosine_directions(normal, even_uniform(patch, ray, 0), even_uniform(patch, ray, 1))
         origins = self.position[sender] + normal * np.float32(surfaces.offset)
@@ -189,14 +190,14 @@ class _Patches:
         left = hits.triangle < 0
         seen = self.owner[self.vertices.at(np.maximum(hits.triangle, 0), np.stack([hits.u, hits.v], axis=1))]
         seen[left | ~hits.front] = count  # a patch that sends nothing
-        outside = np.zeros((3, count * RAYS), np.float32)
+        outside = np.zeros((3, count * rays), np.float32)
         outside[:, left] = np.pi * np.array(scene.world.radiance)[:, None]
         if sky is not None:
             outside[:, left] += np.float32(np.pi) * sky.radiance[cells(ways[left])].T
-        first = _mean_of_rays(outside)
+        first = _mean_of_rays(outside, rays)
         radiosity = np.append(leaving.T, np.zeros((3, 1), np.float32), axis=1)
         for _ in range(BOUNCES):
-            received = first + _mean_of_rays(np.take(radiosity, seen, axis=1))
+            received = first + _mean_of_rays(np.take(radiosity, seen, axis=1), rays)
             radiosity[:, :-1] = leaving.T + reflectance.T * received
         return np.ascontiguousarray(received.T)
 
@@ -220,7 +221,7 @@ class _Patches:
         return total / weights[:, None]
 
 
-def _mean_of_rays(values: Float32) -> Float32:
-    """Means (3, P) over the rays of each patch, (3, P * RAYS)."""
-    means: Float32 = values.reshape(3, -1, RAYS).mean(2, dtype=np.float32)
+def _mean_of_rays(values: Float32, rays: int) -> Float32:
+    """Means (3, P) over the rays of each patch, (3, P * rays)."""
+    means: Float32 = values.reshape(3, -1, rays).mean(2, dtype=np.float32)
     return means
