@@ -24,7 +24,7 @@ from radiosity_addon.geometry.walls import find_walls
 from radiosity_addon.radiosity.patches import NOTHING
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from tests.shapes import box, cell_atlas, mesh_of, quad
+from tests.shapes import box, cell_atlas, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
 FAR = 100.0
@@ -176,6 +176,14 @@ def test_cells_are_narrower_where_surfaces_are_near() -> None:
     assert set(points.width[left]) == {np.float32(0.25)}, "narrower ones would hold less than 2 x 2 texels"
     assert set(points.width[right]) == {np.float32(0.5)}
     assert left.sum() > 3 * right.sum()
+
+
+def test_points_stand_closer_together_in_folds_than_on_any_flat_surface() -> None:
+    scene = Scene((sphere("Ball", 0.2, 8, 4),), GREY)
+    ball = finish(rasterize(cell_atlas(scene, 96), flatten(scene), 1))
+    near = [placed(texels, 0.5, lambda position: np.float32(0.05)).width for texels in (ball, floor())]
+    assert np.mean(near[0] == np.float32(0.125)) > 0.6
+    assert set(near[1]) == {np.float32(0.25)}
 
 
 def test_every_lit_texel_has_a_point_in_its_own_cell_and_no_other_has_one() -> None:

@@ -20,8 +20,8 @@ from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls, part_cells
 from ..radiosity.patches import mixed_radix
 
-LEVELS = 6
-"""Widths halve from level to level."""
+LEVELS = 7
+"""Widths halve from level to level, the last time in folds alone."""
 
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
@@ -33,10 +33,14 @@ SPLIT_BEND = 0.02
 """A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
 
 FINEST = 2.6
-"""The narrowest cells are so many texels wide."""
+"""The narrowest cells are so many texels wide. They are halved once more in folds: where they are bent, or lie on a
+surface that is and are still wide against what they see."""
+
+FOLDED = 0.005
+"""The narrowest cells are bent if their normals' mean is shorter than 1 by more than this: about 12 degrees across."""
 
 SMALLEST = 5
-"""Cells of no more texels than this are not split."""
+"""Cells of no more texels than this are not split, unless they are folded: each flank has light of its own."""
 
 FACINGS = 2.0
 """Normals times this, rounded, are their facing: both flanks of a fold differ in at least one number."""
@@ -108,12 +112,15 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
     places: list[Int64] = []
     widths = harmonic = nearest = light = np.zeros(0, np.float32)
     open_texels = np.flatnonzero(lit)
+    folded = np.zeros(texels.count, bool)
     for level in range(LEVELS):
         if not len(open_texels):
             break
         width = base / 2**level
-        last = level == LEVELS - 1 or width < 1.5 * FINEST * texel_width
-        cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width))
+        finest = width < 1.5 * FINEST * texel_width
+        last = width < 0.75 * FINEST * texel_width
+        bend = FOLDED if finest else SPLIT_BEND
+        cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width), bend)
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
@@ -129,8 +136,10 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         cell[members] = np.repeat(point, size)
         if last:
             break
-        narrow = width > SPLIT_SHARE * harmonic[point]
-        split = (narrow | cells.bent) & (size > SMALLEST)
+        folded[members[np.repeat(cells.bent, size)]] = True
+        split = (cells.bent | (width > SPLIT_SHARE * harmonic[point])) & (size > (1 if finest else SMALLEST))
+        if finest:
+            split &= folded[members[begin]]
         dark = split & (light[point] <= DARK * light.mean())
         if dark.any():
             asked = np.flatnonzero(np.repeat(dark, size))
@@ -164,7 +173,7 @@ class _Cells:
     bent: Bools
 
 
-def _cells(texels: Texels, chosen: Int64, width: float, thickness: float) -> _Cells:
+def _cells(texels: Texels, chosen: Int64, width: float, thickness: float, bend: float) -> _Cells:
     members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
     owner = np.repeat(np.arange(len(begin)), size)
     share = (1 / size[:, None]).astype(np.float32)
@@ -177,7 +186,7 @@ def _cells(texels: Texels, chosen: Int64, width: float, thickness: float) -> _Ce
         members, begin, size = _grouped(members, mixed_radix(owner, layer))
         share = (1 / size[:, None]).astype(np.float32)
         normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
-    return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - SPLIT_BEND)
+    return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - bend)
 
 
 def _grouped(chosen: Int64, keys: Int64) -> tuple[Int64, Int64, Int64]:
