@@ -259,9 +259,9 @@ class RADIOSITY_PT_light_groups(RenderPanel, bpy.types.Panel):
                 members[thing.lightgroup if thing.lightgroup in groups else ""].append(thing)
         world = context.scene.world
         for name in (*groups, ""):
-            box = layout.column(align=True)
             things = members[name]
-            box.label(text=name or "No Group", icon="OUTLINER_OB_LIGHT")
+            box = layout.box().column(align=True)
+            box.label(text=name or "No Group")
             if world is not None and (world.lightgroup if world.lightgroup in groups else "") == name:
                 box.label(text=world.name, icon="WORLD")
             for thing in things[:MOST_FINDINGS]:

@@ -45,6 +45,14 @@ class RADIOSITY_OT_preset_add(AddPresetBase, bpy.types.Operator):
     preset_defines: ClassVar = ["settings = bpy.context.scene.radiosity"]
     preset_values: ClassVar = list(VALUES)
 
+    def remove(self, context: bpy.types.Context, filepath: str) -> None:
+        """Take a preset of the user's own away; Blender keeps only what may not be written."""
+        path = Path(filepath).resolve()
+        if path.is_relative_to(ROOT):
+            self.report({"WARNING"}, f"{path.stem} comes with the extension and stays")
+        else:
+            path.unlink()
+
 
 CLASSES = (RADIOSITY_PT_presets, RADIOSITY_OT_preset_add)
 

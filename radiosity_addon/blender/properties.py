@@ -123,7 +123,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         max=MOST_SUBDIVISIONS,
     )
     light_groups: BoolProperty(
-        name="Files of Each Group",
+        name="Files per Group",
         description="Write the light of each light group to files of its own, too, for engines to dim them apart",
         default=False,
     )

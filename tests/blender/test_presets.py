@@ -56,3 +56,14 @@ def test_a_preset_of_ones_own_brings_all_settings_back(own: Path) -> None:
     (kept,) = own.rglob("*.py")
     run(kept)
     assert (settings.quality, settings.density, settings.files.format) == ("high", 17.0, "rgbd")
+
+
+def test_a_preset_of_ones_own_can_be_removed_and_one_that_came_along_can_not(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bpy.ops.radiosity.preset_add(name="Mine")
+    (kept,) = own.rglob("*.py")
+    monkeypatch.setattr(bpy.utils, "preset_find", lambda name, *_, **__: str(kept if name == "Mine" else SHIPPED[0]))
+    bpy.ops.radiosity.preset_add(name="Mine", remove_name=True)
+    bpy.ops.radiosity.preset_add(name=SHIPPED[0].stem, remove_name=True)
+    assert (kept.exists(), SHIPPED[0].exists()) == (False, True)

@@ -8,6 +8,8 @@ from pathlib import Path
 import bpy
 import pytest
 
+from radiosity_addon.arguments import Verb
+from radiosity_addon.blender.commands import info
 from radiosity_addon.blender.inspection import inspect, subject_of
 from radiosity_addon.blender.scene_check import Checked, expected
 from tests.blender.built import add_lamp, add_mesh
@@ -45,6 +47,19 @@ def test_what_stops_a_bake_is_found_and_not_raised() -> None:
     assert (first.severity, first.subject) == ("error", "Floor")
     assert bpy.ops.radiosity.check() == {"FINISHED"}
     assert Checked.of(bpy.context.scene).area is None
+
+
+def test_the_command_line_says_the_same() -> None:
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.data.flip_normals()
+    add_mesh("Ground", scale=(100, 100, 1))
+    add_mesh("Hidden", hide_render=True)
+    told = info(Verb(name="info", scene=Path("room.blend")))
+    for finding in inspect(bpy.context.scene, bpy.context.scene.radiosity.bake_settings()).findings:
+        if finding.subject != "Hidden" and "not saved" not in finding.text:
+            assert finding.text in told
+    assert "Hidden: it is hidden in renders" in told
+    assert told.count("Cube: its faces point away") == told.count("Ground reaches far") == 1
 
 
 def test_the_gravest_comes_first() -> None:

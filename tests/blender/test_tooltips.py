@@ -63,7 +63,7 @@ def rna_of(cls: type) -> bpy.types.Struct:
 
 
 def is_title(text: str) -> bool:
-    as_they_are = {"a", "and", "as", "in", "of", "the", "to", "glTF"}
+    as_they_are = {"a", "and", "as", "in", "of", "per", "the", "to", "glTF"}
     return (
         all(word in as_they_are or word[0].isupper() for word in re.findall(r"[A-Za-z]+", text)) and text[-1].isalnum()
     )
