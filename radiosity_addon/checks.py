@@ -154,15 +154,14 @@ def _seen_from_behind(scene: Scene, surfaces: Surfaces) -> Bools:
     for lamp in lamps:
         lit |= ((lamp > low) & (lamp < high)).all(axis=1)
     full = volume > FULL * np.prod(high - low, axis=1)
-    centres = (low + high) / 2
     bad = np.zeros(count, bool)
     for box in np.flatnonzero(closed & ((volume < 0) | (full & lit))):
         others = mesh != mesh[box]
-        beside = others & ((centres > low[box]) & (centres < high[box])).all(axis=1)
+        within = others & (low >= low[box]).all(axis=1) & (high <= high[box]).all(axis=1)
         if volume[box] < 0:
             around = closed & (volume > 0) & ~others
             hollow = (around & (low <= low[box]).all(axis=1) & (high >= high[box]).all(axis=1)).any()
-            bad[box] = not (hollow or beside.any() or lit[box])
+            bad[box] = not (hollow or within.any() or lit[box])
         else:
-            bad[box] = 2 * beside.sum() >= others.sum()
+            bad[box] = 2 * within.sum() >= others.sum()
     return bad

@@ -54,6 +54,11 @@ def test_a_box_turned_inside_out_is_named_and_can_be_flipped_as_a_whole() -> Non
     assert (finding.severity, finding.subject, finding.inside_out) == ("warning", "Wrong", True)
 
 
+def test_a_ground_that_goes_through_its_middle_makes_no_room_of_a_box() -> None:
+    ground = replace(quad("Ground", 8), vertices=quad("Ground", 8).vertices - [4, 4, 0])
+    assert found(ground, box("Wrong", inward=True)) == [("warning", "Wrong")]
+
+
 def test_a_part_that_is_inside_out_can_not_be_mended_by_flipping_the_whole() -> None:
     right, wrong = box("Chair"), box("Chair", at=(5, 0, 0), inward=True)
     both = meshed(
