@@ -69,7 +69,7 @@ MISSED = {
     (
         "interior",
         "medium",
-    ): "light that bounces within the folds of its curtains, whose faces turn by 40 degrees over two texels",
+    ): "RMS 5.8 %, bias 0.9 %: bounces within the folds of its curtains, and the gather beside small sunlit places",
 }
 """Scenes that do not keep the limits yet, and why: the table shows by how much. Those that miss them at medium quality
 already are not baked at high quality, to save time."""
