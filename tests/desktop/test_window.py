@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The installed extension in a real window, by mouse and keyboard: bake, watch, cancel, bake again, toggle, revert.
+"""The installed extension in a real window, by mouse and keys: bake, watch, cancel, bake, undo, toggle, revert.
 
 One window goes through all of it; each fixture is one step, and each test looks at what a step has left. Pictures are
 kept in out/desktop/, or in the folder that RADIOSITY_WINDOW_PICTURES names.
@@ -23,6 +23,7 @@ PICTURES = Path(os.environ.get("RADIOSITY_WINDOW_PICTURES", ROOT / "out/desktop"
 LONG_BAKE = {"page_size": 1024, "quality": "high"}
 RED_WALL = 10000
 """Pixels of it in sight, at least."""
+IN_VIEW = (600, 700)
 SHORT_BAKE = {"page_size": 256, "quality": "draft"}
 
 pytestmark = pytest.mark.desktop
@@ -84,7 +85,19 @@ def baked(window: Window, cancelled: dict[str, Any], unlit: np.ndarray) -> dict[
 
 
 @pytest.fixture(scope="module")
-def toggled(window: Window, baked: dict[str, Any]) -> list[np.ndarray]:
+def undone(window: Window, baked: dict[str, Any]) -> dict[str, Any]:
+    """The state after Ctrl Z; then Ctrl Shift Z brings the bake back."""
+    window.hands("mousemove", *IN_VIEW)
+    window.press("ctrl+z")
+    window.until(lambda: not window.ask("state")["baked"], "the bake is undone")
+    state = dict(window.ask("state"))
+    window.press("ctrl+shift+z")
+    window.until(lambda: window.ask("state")["baked"], "the bake is done again")
+    return state
+
+
+@pytest.fixture(scope="module")
+def toggled(window: Window, baked: dict[str, Any], undone: dict[str, Any]) -> list[np.ndarray]:
     """What the 3D view shows after Show Original, and after Show Baked."""
     window.click_button("bpy.ops.radiosity.toggle(")
     window.until(lambda: window.ask("state")["original"], "the original is shown")
@@ -127,6 +140,11 @@ def test_second_bake_lights_every_object(baked: dict[str, Any], blend: Path) -> 
 
 def test_baked_light_is_seen(baked: dict[str, Any], unlit: np.ndarray) -> None:
     assert not alike(baked["view"], unlit)
+
+
+def test_bake_is_one_step_of_undo(undone: dict[str, Any]) -> None:
+    assert undone["uv_maps"] == 0
+    assert undone["images"] == []
 
 
 def test_toggle_shows_the_original_and_the_bake(

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,8 +24,10 @@ from tests.desktop.blender import ROOT, Desktop
 
 T = TypeVar("T")
 
-PATIENCE = 90.0
+PATIENCE = 240.0
 """Seconds after which what is waited for is taken to never come."""
+ENDING = 10.0
+"""Seconds for a screen to end in order."""
 HOVERING = 5.0
 """Seconds until a button, if it is one, has seen that the mouse is over it."""
 GLANCE = 0.05
@@ -54,7 +57,8 @@ class Window:
         self.folder = folder
         self.pictures = pictures
         self._script = desktop.script
-        self._environment = desktop.environment() | {"DESKTOP_BLENDER_DISPLAY": free_display()}
+        self._display = free_display()
+        self._environment = desktop.environment() | {"DESKTOP_BLENDER_DISPLAY": self._display}
         self._asked = 0
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -78,15 +82,19 @@ class Window:
         """End Blender and its screen, whatever they are doing."""
         if self._process is None:
             return
-        for kind in (signal.SIGTERM, signal.SIGKILL):
-            try:
-                os.killpg(self._process.pid, kind)
-                self._process.wait(10)
-                os.killpg(self._process.pid, 0)
-            except ProcessLookupError:
-                return
-            except subprocess.TimeoutExpired:
-                continue
+        screen = Path(f"/tmp/.X11-unix/X{self._display.lstrip(':')}")
+        end = time.monotonic() + ENDING
+        self._signal(signal.SIGTERM)
+        while screen.exists() and time.monotonic() < end:
+            time.sleep(GLANCE)
+        self._signal(signal.SIGKILL)
+        self._process.wait()
+        screen.unlink(missing_ok=True)
+
+    def _signal(self, kind: signal.Signals) -> None:
+        assert self._process is not None
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, kind)
 
     def ask(self, call: str, *arguments: Any) -> Any:
         """The answer of a function of inside_window.py."""
