@@ -112,10 +112,10 @@ def furniture(stone: bpy.types.Material, wood: bpy.types.Material, iron: bpy.typ
                 crates += 1
                 turn = 17.0 * crates % 90
                 placed_copy(crate, f"Crate {crates}", (x + 5.25 - 0.95 * (k % 3), y + 2.2 + 0.2 * k, -SINK), turn)
-    tube = [(0, 0), (0.06, 0), *((0.06, WIDTH * k / 24) for k in range(1, 24)), (0.06, WIDTH), (0, WIDTH)]
+    tube = [(0, 0), (0.1, 0), *((0.1, WIDTH * k / 24) for k in range(1, 24)), (0.1, WIDTH), (0, WIDTH)]
     for band in (1, 3):
         for k in range(3):
-            place = (0, band_start(band) + 0.15 + 0.17 * k, 2.9)
+            place = (0, band_start(band) + 0.5 + 0.35 * k, 2.75)
             pipe = mesh_object(f"Pipe {band} {k}", *lathe(tube, 16), iron, place, rotation_euler=(0, math.pi / 2, 0))
             smooth(pipe)
 
@@ -128,12 +128,12 @@ def lamps() -> None:
             middle = room_middle(column), band_start(band) + ROOM / 2
             if (column + band) % 2:
                 panel = bpy.data.lights.new(f"Panel {band} {column}", "AREA")
-                panel.shape, panel.size, panel.size_y, panel.energy = "RECTANGLE", 1.4, 0.5, 90.0
+                panel.shape, panel.size, panel.size_y, panel.energy = "RECTANGLE", 1.4, 0.5, 110.0
                 panel.color = colors[(column + band) % 3]
                 put(panel.name, panel, (*middle, HEIGHT - 0.02))
             else:
                 bulb = bpy.data.lights.new(f"Bulb {band} {column}", "POINT")
-                bulb.energy, bulb.shadow_soft_size, bulb.color = 25.0, 0.15, colors[column % 3]
+                bulb.energy, bulb.shadow_soft_size, bulb.color = 40.0, 0.2, colors[column % 3]
                 put(bulb.name, bulb, (middle[0] - 2.2, middle[1] + 0.4, 2.2))
     for band in (1, 3):
         for column in range(COLUMNS + 1):
@@ -152,7 +152,7 @@ def build() -> object:
     """Make the scene in Blender."""
     scene = empty_scene()
     sky(scene, (0.55, 0.7, 1.0), 1.6)
-    sun(scene, 4.0, 32, 25, (1.0, 0.93, 0.82), 2.0)
+    sun(scene, 1.0, 32, 25, (1.0, 0.93, 0.82), 4.0)
     paints = [
         diffuse("Brick", (0.46, 0.3, 0.23)),
         diffuse("Lime", (0.72, 0.69, 0.62)),
