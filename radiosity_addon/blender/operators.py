@@ -26,8 +26,9 @@ IN_FILE = ("Read scene", "Write back")
 """Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
-WORK_SECONDS = 0.02
-"""Time of a tick that is spent on what only the main thread can do, where that comes in steps."""
+WORK_SECONDS = 0.06
+"""Time of a tick that is spent on what only the main thread can do, where that comes in steps: after each tick Blender
+may evaluate and draw the scene anew."""
 
 
 class RADIOSITY_OT_bake(bpy.types.Operator):

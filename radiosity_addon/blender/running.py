@@ -83,6 +83,8 @@ class Running:
             return
         if cls.view.table is None:
             cls.view.table = display_table(scene)
+        elif cls.progress is not None and cls.progress.stage == "Write back":
+            cls.unwatch()  # from here on the bake itself edits
         elif not cls._settled:
             cls._settled = True
             cls.watch(scene)
