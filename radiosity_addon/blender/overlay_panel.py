@@ -12,6 +12,7 @@ from .overlay_data import Density, Pages, missing
 from .overlay_drawing import Look
 from .overlay_legend import UNITS
 from .overlays import OFF, Shown, redraw_views, show, turn_off
+from .running import Running
 
 OVERLAYS = (
     ("lighting", "Lighting", "The baked light alone, without the colours of the surfaces", "LIGHT_SUN"),
@@ -165,12 +166,12 @@ class RADIOSITY_PT_overlay(bpy.types.Panel):
         layout.operator("radiosity.light_meter", icon="EYEDROPPER")
         if shown == OFF:
             reason = missing(context.scene, "lighting")
-            if reason:
-                layout.label(text=reason, icon="INFO")
-            else:
+            if not reason:
                 layout.use_property_split = True
                 layout.use_property_decorate = False
                 layout.prop(context.scene.view_settings, "exposure", text="View Exposure")
+            elif Running.progress is None:
+                layout.label(text=reason, icon="INFO")
             return
         off = layout.row()
         off.scale_y = 1.4
