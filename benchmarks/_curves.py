@@ -54,11 +54,12 @@ def fit_noise(samples: Sequence[float], errors: Sequence[float]) -> NoiseFit:
 def noise_to_extrapolate(samples: Sequence[float], errors: Sequence[float]) -> NoiseFit:
     """What error to expect beyond the last measurement.
 
-    A floor is believed only where it makes up most of the last error already: far below it, a fit finds one by chance.
-    Elsewhere errors fall by samples^-1/2 from the last few on.
+    A floor is believed only where it makes up most of the last error already, and not of a few measurements: elsewhere
+    a fit finds one by chance.
+    Without one, errors fall by samples^-1/2 from the last few on.
     """
     fit = fit_noise(samples, errors)
-    if fit.floor**2 > SEEN * errors[-1] ** 2:
+    if len(samples) > LAST + 1 and fit.floor**2 > SEEN * errors[-1] ** 2:
         return fit
     variance = np.square(np.asarray(errors[-LAST:], float)) * np.asarray(samples[-LAST:], float)
     return NoiseFit(math.sqrt(variance.mean()), 0.0)

@@ -46,7 +46,7 @@ def test_what_raw_cycles_was_baked_to_is_not_marked() -> None:
 
 
 def test_raw_cycles_with_a_floor_above_the_error_never_reaches_it() -> None:
-    stuck = {**FOUND, "cycles": [cycles(count, (0.16 / count + 9e-4) ** 0.5, 0.1) for count in (1, 16, 256)]}
+    stuck = {**FOUND, "cycles": [cycles(count, (0.16 / count + 9e-4) ** 0.5, 0.1) for count in (1, 4, 16, 64, 256)]}
     assert str(raw_at(stuck, 0.02)) == "never, floor 3.0%"
 
 

@@ -55,6 +55,10 @@ def test_a_floor_that_the_last_error_has_nearly_reached_counts() -> None:
     assert noise_to_extrapolate(SAMPLES, errors).floor == pytest.approx(0.03)
 
 
+def test_two_measurements_tell_of_no_floor() -> None:
+    assert noise_to_extrapolate([1, 2], [1.8, 1.5]).floor == 0.0
+
+
 def test_noise_is_extrapolated_from_the_last_measurements() -> None:
     errors = [9.0, 0.4 / 2, 0.4 / 4, 0.4 / 8, 0.4 / 16]
     assert noise_to_extrapolate(SAMPLES, errors).noise == pytest.approx(0.4)
