@@ -67,7 +67,7 @@ def prepare(task: dict[str, Any]) -> dict[str, Any]:
     import bpy
 
     from radiosity_addon.atlas.unwrap import build_atlas
-    from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.blender.reading.extract import extract_scene
     from radiosity_addon.chunks import finish
     from radiosity_addon.geometry.sides import with_backs
 
@@ -92,8 +92,8 @@ def bake_ours(task: dict[str, Any]) -> dict[str, Any]:
     import bpy
 
     from radiosity_addon.bake import bake
-    from radiosity_addon.blender.cycles_shader import CyclesShader
-    from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+    from radiosity_addon.blender.reading.extract import extract_scene
     from radiosity_addon.chunks import finish
 
     open_scene(task["scene"])

@@ -132,7 +132,7 @@ def bakes() -> None:
     import bpy
 
     from radiosity_addon.bake import bake
-    from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.blender.reading.extract import extract_scene
     from radiosity_addon.settings import BakeSettings
     from tests.accuracy.comparison import compare
     from tests.accuracy.probes import References

@@ -25,9 +25,9 @@ sys.path.insert(0, str(ROOT))
 
 from radiosity_addon.arrays import Float32  # noqa: E402
 from radiosity_addon.blender import registered  # noqa: E402
-from radiosity_addon.blender.overlay_drawing import Painter  # noqa: E402
-from radiosity_addon.blender.overlay_legend import MARGIN, draw_legend  # noqa: E402
-from radiosity_addon.blender.overlays import Overlay  # noqa: E402
+from radiosity_addon.blender.judging.overlay_drawing import Painter  # noqa: E402
+from radiosity_addon.blender.judging.overlay_legend import MARGIN, draw_legend  # noqa: E402
+from radiosity_addon.blender.judging.overlays import Overlay  # noqa: E402
 from radiosity_addon.pages.png import png_bytes  # noqa: E402
 from radiosity_addon.reports.pictures import shrunk  # noqa: E402
 

@@ -20,8 +20,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from radiosity_addon.blender.cycles_shader import CyclesShader  # noqa: E402
-from radiosity_addon.blender.extract import extract_scene  # noqa: E402
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader  # noqa: E402
+from radiosity_addon.blender.reading.extract import extract_scene  # noqa: E402
 from radiosity_addon.shading import Layout  # noqa: E402
 
 TEXTURES = ("ShaderNodeTexNoise", "ShaderNodeTexVoronoi", "ShaderNodeTexWave", "ShaderNodeTexBrick")

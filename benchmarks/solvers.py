@@ -52,7 +52,7 @@ def captured(scene: str) -> tuple:
     import bpy
 
     from radiosity_addon.bake import bake
-    from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.blender.reading.extract import extract_scene
     from radiosity_addon.radiosity import solvers
     from radiosity_addon.settings import BakeSettings
 

@@ -65,7 +65,7 @@ def measure(case: Case, repeat: int) -> dict[str, object]:
     import bpy
 
     from radiosity_addon.bake import bake
-    from radiosity_addon.blender.extract import extract_scene
+    from radiosity_addon.blender.reading.extract import extract_scene
     from radiosity_addon.chunks import finish
     from radiosity_addon.settings import BakeSettings
     from tests.accuracy.comparison import compare

@@ -67,8 +67,10 @@ def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
         raise BakeError(
             "Blender", "its Python module bpy is not installed", "Run `pip install .` on Python 3.11 or 3.13"
         )
-    from .blender import blend_files, commands, registered
-    from .blender.passes import contact_sheet
+    from .blender import registered
+    from .blender.data import blend_files
+    from .blender.headless import commands
+    from .blender.headless.passes import contact_sheet
 
     with registered():
         if not is_open:

@@ -16,7 +16,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radiosity_addon"
 CORE = sorted(
-    path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py" and path.parent != PACKAGE / "blender"
+    path
+    for path in PACKAGE.rglob("*.py")
+    if path.name != "__main__.py" and path.relative_to(PACKAGE).parts[0] != "blender"
 )
 EVERYWHERE = sorted(PACKAGE.rglob("*.py"))
 
@@ -106,14 +108,29 @@ def test_core_modules_import_one_another_one_way() -> None:
     assert list(TopologicalSorter(graph).static_order())
 
 
-def test_rooms_import_one_way() -> None:
-    """The packages of the core, too, stand one above the other."""
+def rooms(house: Path) -> list[str]:
+    """The packages in a package, those that others stand on first.
+
+    Raises:
+        CycleError: they do not stand one above the other
+    """
     below: dict[str, set[str]] = {}
-    for path in CORE:
-        room = path.relative_to(PACKAGE).parts[0]
+    for path in house.glob("*/*.py"):
+        room = path.parent.name
         for name in imports(path):
-            parts = name.split(".")
-            if len(parts) > 2 and (PACKAGE / parts[1]).is_dir() and (PACKAGE / room).is_dir() and parts[1] != room:
-                below.setdefault(room, set()).add(parts[1])
-    order = list(TopologicalSorter(below).static_order())
+            inside = name.removeprefix(f"{module_name(house)}.")
+            other = inside.partition(".")[0]
+            if inside != name and other != room and (house / other).is_dir():
+                below.setdefault(room, set()).add(other)
+    return list(TopologicalSorter(below).static_order())
+
+
+def test_rooms_of_the_core_import_one_way() -> None:
+    order = [room for room in rooms(PACKAGE) if room != "blender"]
     assert order.index("atlas") < order.index("geometry") < order.index("radiosity") < order.index("gather")
+
+
+def test_rooms_of_blenders_part_import_one_way() -> None:
+    order = rooms(PACKAGE / "blender")
+    assert order.index("data") < order.index("looks") < order.index("reading") < order.index("writing")
+    assert order.index("writing") < order.index("handover") < order.index("interface") < order.index("headless")

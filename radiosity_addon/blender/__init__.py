@@ -16,19 +16,18 @@ _command: Any = None
 
 def _parts() -> tuple[ModuleType, ...]:
     """All that has classes of its own, what others show before what shows them."""
-    from . import (
+    from .interface import (
         after_bake,
         export_panel,
-        light_meter,
         manual,
         object_settings,
         operators,
-        overlay_panel,
         panels,
         presets,
         properties,
         scene_check,
     )
+    from .judging import light_meter, overlay_panel
 
     operating = (properties, object_settings, operators, scene_check, after_bake, presets, light_meter)
     return (*operating, panels, overlay_panel, export_panel, manual)

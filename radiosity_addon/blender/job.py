@@ -27,12 +27,12 @@ from ..settings import BakeSettings
 from ..stages import NO_RAYS, Progress
 from ..viewing import Viewer
 from .background import MainThread, in_thread
-from .cycles_shader import CyclesShader
-from .extract import read_scene
-from .extraction import Extraction
+from .data.names import TEXELS_KEY
 from .last_bake import keep_report
-from .names import TEXELS_KEY
-from .write_back import write_back
+from .reading.cycles_shader import CyclesShader
+from .reading.extract import read_scene
+from .reading.extraction import Extraction
+from .writing.write_back import write_back
 
 READING_SHARE = 0.02
 """Share of the progress bar for reading the scene, before the core's part of it."""

@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..estimate import Pace
 from ..reports.report import Report
 from ..reports.report_page import write_report_page
-from .names import BAKE_KEY, PAGE_KEY, REPORT_KEY
+from .data.names import BAKE_KEY, PAGE_KEY, REPORT_KEY
 
 EXTENSION = __package__.rpartition(".")[0].rpartition(".")[0] if __package__.count(".") > 2 else ""
 """The name under which Blender knows us; "" where the package is imported plainly."""

@@ -17,8 +17,8 @@ pytest.importorskip("bpy", reason="bpy reads the scenes, and is not installed")
 import bpy
 
 from radiosity_addon.bake import bake
-from radiosity_addon.blender.cycles_shader import CyclesShader
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
 from tests.accuracy.comparison import Comparison, compare

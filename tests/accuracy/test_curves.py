@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("bpy", reason="Cycles is part of bpy, which is not installed")
 import bpy
 
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading.extract import extract_scene
 from tests.accuracy.probes import Probes, measure
 from tests.bakes import lit
 

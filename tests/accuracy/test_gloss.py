@@ -18,8 +18,8 @@ pytest.importorskip("bpy", reason="bpy reads the scenes, and is not installed")
 import bpy
 
 from radiosity_addon.bake import Baked, bake
-from radiosity_addon.blender.cycles_shader import CyclesShader
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Scene
 from radiosity_addon.settings import BakeSettings

@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radiosity_addon.bake import bake  # noqa: E402
-from radiosity_addon.blender.extract import extract_scene  # noqa: E402
+from radiosity_addon.blender.reading.extract import extract_scene  # noqa: E402
 from radiosity_addon.chunks import finish  # noqa: E402
 from radiosity_addon.geometry.surfaces import flatten  # noqa: E402
 from radiosity_addon.geometry.visibility import Visibility  # noqa: E402

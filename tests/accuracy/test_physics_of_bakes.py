@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radiosity_addon.bake import Baked, bake  # noqa: E402
-from radiosity_addon.blender.extract import extract_scene  # noqa: E402
+from radiosity_addon.blender.reading.extract import extract_scene  # noqa: E402
 from radiosity_addon.chunks import finish  # noqa: E402
 from radiosity_addon.settings import BakeSettings  # noqa: E402
 

@@ -8,7 +8,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radiosity_addon.blender.extract import extract_scene  # noqa: E402
+from radiosity_addon.blender.reading.extract import extract_scene  # noqa: E402
 from tests.bakes import lit  # noqa: E402
 
 SIZE = 8

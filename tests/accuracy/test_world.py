@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("bpy", reason="bpy renders the skies, and is not installed")
 import bpy
 
-from radiosity_addon.blender.world import render_sky
+from radiosity_addon.blender.reading.world import render_sky
 from radiosity_addon.chunks import finish
 from radiosity_addon.lighting.sky import Sky, sky_of
 from radiosity_addon.scene import World

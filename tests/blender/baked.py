@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from radiosity_addon.blender.evaluation import at_render_settings
-from radiosity_addon.blender.stand_in import as_unbaked
-from radiosity_addon.blender.write_back import write_back
+from radiosity_addon.blender.data.evaluation import at_render_settings
+from radiosity_addon.blender.data.stand_in import as_unbaked
+from radiosity_addon.blender.writing.write_back import write_back
 from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Mesh, Scene
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.extraction import Extraction
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.blender.reading.extraction import Extraction
 
 QUAD = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 

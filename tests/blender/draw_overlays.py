@@ -19,9 +19,9 @@ from mathutils import Matrix
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import radiosity_addon.blender
-from radiosity_addon.blender import overlays
-from radiosity_addon.blender.overlay_data import Placed, Shape
-from radiosity_addon.blender.overlay_drawing import Look, Painter
+from radiosity_addon.blender.judging import overlays
+from radiosity_addon.blender.judging.overlay_data import Placed, Shape
+from radiosity_addon.blender.judging.overlay_drawing import Look, Painter
 from radiosity_addon.reports.texel_maps import INVALID, PATCHED, UNUSED
 
 CANNOT = 77

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from radiosity_addon.blender.evaluation import at_render_settings
+from radiosity_addon.blender.data.evaluation import at_render_settings
+from radiosity_addon.blender.data.names import UV_MAP
 from radiosity_addon.blender.job import Job, bake_scene
-from radiosity_addon.blender.names import UV_MAP
 from radiosity_addon.chunks import finish
 from radiosity_addon.files import Transaction
 from radiosity_addon.reports.report import Report

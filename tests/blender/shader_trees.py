@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 
 from radiosity_addon.arrays import Float32
-from radiosity_addon.blender.cycles_shader import CyclesShader
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.extraction import Extraction
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.shading import Layout, Quantity
 
 SIZE = 64

@@ -136,7 +136,7 @@ def test_a_bake_writes_the_lit_scene_its_page_the_report_and_a_picture(scene: Pa
     assert list(report) == [
         "scene", "folder", "settings", "working_space", "pages", "files", "light_groups", "objects", "skipped",
         "stages", "seconds", "texels", "patches", "rays", "tracing", "ended_in", "window", "residual", "residuals",
-        "balance", "light", "renders", "warnings",
+        "estimated_error", "balance", "light", "renders", "warnings",
     ]  # fmt: skip
     assert report["pages"][0]["file"] == "lit_textures/lit_radiosity_1.exr"
     assert report["pages"][0]["size"] == [64, 64]

@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.blender.writing.revert import revert
 from tests.blender.spline_objects import bake_all, curve_object, link
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from radiosity_addon.arrays import Float32
 from radiosity_addon.atlas.cells import lay_cells
-from radiosity_addon.blender.cycles_shader import CyclesShader
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.materials import read_material
+from radiosity_addon.blender.looks.materials import read_material
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.errors import SceneError
 from radiosity_addon.shading import Layout
 from tests.blender.datablocks import differences, snapshot

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.evaluation import at_render_settings
+from radiosity_addon.blender.data.evaluation import at_render_settings
 from tests.blender.added import add_cube, snapshot
 from tests.blender.built import add
 

@@ -11,8 +11,9 @@ import bpy
 import pytest
 
 from radiosity_addon import cli
-from radiosity_addon.blender import export_panel, gltf
-from radiosity_addon.blender.export import Exported, Handover, export_lightmaps
+from radiosity_addon.blender.handover import gltf
+from radiosity_addon.blender.handover.export import Exported, Handover, export_lightmaps
+from radiosity_addon.blender.interface import export_panel
 from radiosity_addon.errors import BakeError, OutputError, SceneError
 from radiosity_addon.files import Transaction
 from radiosity_addon.pages.page_files import read_page

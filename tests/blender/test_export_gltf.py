@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radiosity_addon.blender import operators
-from radiosity_addon.blender.export import Handover, export_lightmaps, light_pictures
-from radiosity_addon.blender.names import PLACE_KEY
+from radiosity_addon.blender.data.names import PLACE_KEY
+from radiosity_addon.blender.handover.export import Handover, export_lightmaps, light_pictures
+from radiosity_addon.blender.interface import operators
 from radiosity_addon.chunks import finish
 from radiosity_addon.color.spaces import REC709
 from radiosity_addon.color.transfer import srgb_decode

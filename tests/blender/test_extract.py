@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
-from radiosity_addon.blender.stand_in import swap_in
+from radiosity_addon.blender.data.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
+from radiosity_addon.blender.data.stand_in import swap_in
 from radiosity_addon.errors import SceneError
 from tests.blender.added import add_cube, snapshot
 from tests.blender.built import QUAD, add, add_lamp, add_mesh, emission, extract, one_shader

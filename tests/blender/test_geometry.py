@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.names import UV_MAP
+from radiosity_addon.blender.data.names import UV_MAP
+from radiosity_addon.blender.reading.extract import extract_scene
 from tests.blender.instanced import add, bake, holder, library, stage, tree, wedge
 
 

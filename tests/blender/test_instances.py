@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radiosity_addon.blender.names import PLACE_KEY, UV_MAP, is_preview, is_stand_in
-from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.data.names import PLACE_KEY, UV_MAP, is_preview, is_stand_in
+from radiosity_addon.blender.writing.revert import revert
 from radiosity_addon.errors import SceneError
 from tests.blender.baked import diffuse
 from tests.blender.datablocks import differences, snapshot
@@ -397,7 +397,7 @@ def test_a_bake_that_fails_leaves_no_trace_of_stand_ins(monkeypatch):
     stage()
     collections()
     before = snapshot()
-    monkeypatch.setattr("radiosity_addon.blender.write_back.PreviewMaterials.of", lambda *_: 1 / 0)
+    monkeypatch.setattr("radiosity_addon.blender.writing.write_back.PreviewMaterials.of", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         bake()
     assert differences(before, snapshot()) == []

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.scene import AreaLight, Light, SunLight
 
 NEW = bpy.app.version >= (4, 5)

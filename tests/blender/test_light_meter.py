@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.light_meter import RADIOSITY_OT_light_meter, reading
-from radiosity_addon.blender.overlay_data import Placed, Shape
+from radiosity_addon.blender.judging.light_meter import RADIOSITY_OT_light_meter, reading
+from radiosity_addon.blender.judging.overlay_data import Placed, Shape
 from radiosity_addon.reports.pictures import LUMENS_PER_WATT
 
 CORNERS = np.float32([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]])

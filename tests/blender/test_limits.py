@@ -6,8 +6,8 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.commands import bake_settings
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.headless.commands import bake_settings
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.cli import Verb
 
 

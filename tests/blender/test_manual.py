@@ -12,7 +12,7 @@ import bpy
 import pytest
 from bl_operators.wm import WM_OT_doc_view_manual
 
-from radiosity_addon.blender.manual import OPERATORS, PAGES, SETTINGS
+from radiosity_addon.blender.interface.manual import OPERATORS, PAGES, SETTINGS
 
 ROOT = Path(__file__).resolve().parents[2]
 LINK = re.compile(r"\]\(([^)\s]+)\)")

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.materials import read_material
-from radiosity_addon.blender.nodes import LinkCycle
+from radiosity_addon.blender.looks.materials import read_material
+from radiosity_addon.blender.looks.nodes import LinkCycle
 from radiosity_addon.errors import SceneError
 from radiosity_addon.microfacet import mean_pane_transmittance, pane_transmittance
 from radiosity_addon.scene import MAX_REFLECTANCE, Material

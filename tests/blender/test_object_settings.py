@@ -4,7 +4,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.object_settings import SETTINGS, differing
+from radiosity_addon.blender.interface.object_settings import SETTINGS, differing
 from tests.blender.built import add_lamp, add_mesh, extract
 
 

@@ -9,7 +9,7 @@ import bpy
 import pytest
 
 from radiosity_addon import blender
-from radiosity_addon.blender import operators
+from radiosity_addon.blender.interface import operators
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import STAGES
 from tests.blender.datablocks import differences, snapshot

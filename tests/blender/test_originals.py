@@ -9,10 +9,10 @@ from pathlib import Path
 import bpy
 import pytest
 
-from radiosity_addon.blender.names import is_preview, is_stand_in
-from radiosity_addon.blender.originals import show_bake, show_originals, shows_originals
-from radiosity_addon.blender.revert import revert
-from radiosity_addon.blender.stand_in import VISIBILITY
+from radiosity_addon.blender.data.names import is_preview, is_stand_in
+from radiosity_addon.blender.data.stand_in import VISIBILITY
+from radiosity_addon.blender.writing.originals import show_bake, show_originals, shows_originals
+from radiosity_addon.blender.writing.revert import revert
 from tests.blender import instanced
 from tests.blender.baked import bake, diffuse, quad
 from tests.blender.datablocks import differences, snapshot

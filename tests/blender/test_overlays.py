@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from radiosity_addon.arrays import Float32
-from radiosity_addon.blender.names import PAGE_KEY, TEXELS_KEY
-from radiosity_addon.blender.overlay_data import (
+from radiosity_addon.blender.data.names import PAGE_KEY, TEXELS_KEY
+from radiosity_addon.blender.judging.overlay_data import (
     NEEDS,
     Pages,
     Placed,
@@ -21,11 +21,11 @@ from radiosity_addon.blender.overlay_data import (
     placed_things,
     shape_of,
 )
-from radiosity_addon.blender.overlay_drawing import RAMPS, Look, border_distances
-from radiosity_addon.blender.overlay_legend import legend_of
-from radiosity_addon.blender.overlay_panel import OVERLAYS
-from radiosity_addon.blender.overlays import OFF, Shown, show
-from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.judging.overlay_drawing import RAMPS, Look, border_distances
+from radiosity_addon.blender.judging.overlay_legend import legend_of
+from radiosity_addon.blender.judging.overlay_panel import OVERLAYS
+from radiosity_addon.blender.judging.overlays import OFF, Shown, show
+from radiosity_addon.blender.writing.revert import revert
 from radiosity_addon.reports.pictures import LUMENS_PER_WATT
 from radiosity_addon.reports.texel_maps import packed
 from tests.blender import baked

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.page_images import light_of, load_page
-from radiosity_addon.blender.working_space import working_space
+from radiosity_addon.blender.data.working_space import working_space
+from radiosity_addon.blender.writing.page_images import light_of, load_page
 from radiosity_addon.color.spaces import ACESCG, REC709, REC2020, RGBSpace
 from radiosity_addon.files import Transaction
 from radiosity_addon.pages.page_files import page_paths, write_pages

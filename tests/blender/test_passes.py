@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from radiosity_addon import cli
-from radiosity_addon.blender.passes import GAP
+from radiosity_addon.blender.headless.passes import GAP
 
 EDGE = 32
 """Pixels of a picture that are rendered."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from radiosity_addon.blender.presets import ROOT, VALUES
+from radiosity_addon.blender.interface.presets import ROOT, VALUES
 
 SHIPPED = sorted((ROOT / "presets" / "radiosity").glob("*.py"))
 

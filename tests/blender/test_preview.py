@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.materials import read_material
+from radiosity_addon.blender.looks.materials import read_material
 from tests.blender.baked import bake, diffuse, quad, shader
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,8 +9,8 @@ import bpy
 import pytest
 from mathutils import Vector
 
-from radiosity_addon.blender.fitted_camera import fitted_camera
-from radiosity_addon.blender.render_picture import render_picture
+from radiosity_addon.blender.headless.fitted_camera import fitted_camera
+from radiosity_addon.blender.headless.render_picture import render_picture
 from radiosity_addon.errors import SceneError
 from radiosity_addon.files import Transaction
 from tests.blender.datablocks import differences, snapshot

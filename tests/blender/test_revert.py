@@ -4,8 +4,8 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.names import UV_MAP, is_baked
-from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.data.names import UV_MAP, is_baked
+from radiosity_addon.blender.writing.revert import revert
 from tests.blender.baked import bake, diffuse, quad, shader
 from tests.blender.datablocks import differences, snapshot
 

@@ -10,12 +10,12 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender import operators
-from radiosity_addon.blender.display_table import EDGE, display_table
-from radiosity_addon.blender.extraction import Extraction
+from radiosity_addon.blender.data.names import is_baked
+from radiosity_addon.blender.interface import operators
+from radiosity_addon.blender.interface.display_table import EDGE, display_table
+from radiosity_addon.blender.interface.running import Running
 from radiosity_addon.blender.job import Seat
-from radiosity_addon.blender.names import is_baked
-from radiosity_addon.blender.running import Running
+from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import AFTER_THE_LIGHT, STAGES

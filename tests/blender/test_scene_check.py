@@ -9,9 +9,9 @@ import bpy
 import pytest
 
 from radiosity_addon.arguments import Verb
-from radiosity_addon.blender.commands import info
-from radiosity_addon.blender.inspection import inspect, subject_of
-from radiosity_addon.blender.scene_check import Checked, expected
+from radiosity_addon.blender.headless.commands import info
+from radiosity_addon.blender.interface.scene_check import Checked, expected
+from radiosity_addon.blender.reading.inspection import inspect, subject_of
 from tests.blender.built import add_lamp, add_mesh
 
 

@@ -7,11 +7,11 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.curves import left_to_blender
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.revert import revert
-from radiosity_addon.blender.shapes import placed, read_shape
-from radiosity_addon.blender.spline_meshes import spline_mesh
+from radiosity_addon.blender.data.curves import left_to_blender
+from radiosity_addon.blender.data.shapes import placed, read_shape
+from radiosity_addon.blender.data.spline_meshes import spline_mesh
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.blender.writing.revert import revert
 from tests.blender.spline_objects import bake_all, curve_object, link, shown, taper_object
 
 

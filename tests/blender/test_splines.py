@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender import curves
-from radiosity_addon.blender.curves import profiles, resolution_of, surface_net, swept, taper_of
-from radiosity_addon.blender.splines import Degenerate, read_path, read_surface
+from radiosity_addon.blender.data import curves
+from radiosity_addon.blender.data.curves import profiles, resolution_of, surface_net, swept, taper_of
+from radiosity_addon.blender.data.splines import Degenerate, read_path, read_surface
 from radiosity_addon.curves.patchwork import Net, patchwork
 from radiosity_addon.curves.sweep import Profile
 from tests.blender.spline_objects import ENDS, Shown, curve_object, shown, surface_object, taper_object

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.revert import revert
+from radiosity_addon.blender.writing.revert import revert
 from tests.blender.datablocks import differences, snapshot
 from tests.blender.instance_bakes import picture
 from tests.blender.instanced import (

@@ -11,9 +11,9 @@ import pytest
 
 from radiosity_addon.arrays import Float32
 from radiosity_addon.bake import bake
-from radiosity_addon.blender.cycles_shader import CyclesShader
-from radiosity_addon.blender.extract import extract_scene
 from radiosity_addon.blender.job import Job, bake_scene
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.files import Transaction
 from radiosity_addon.settings import BakeSettings

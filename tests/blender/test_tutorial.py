@@ -18,14 +18,14 @@ def room() -> None:
 
 
 def test_check_finds_nothing_but_the_unsaved_file(room: None) -> None:
-    from radiosity_addon.blender.inspection import UNSAVED, inspect
+    from radiosity_addon.blender.reading.inspection import UNSAVED, inspect
 
     found = inspect(bpy.context.scene, bpy.context.scene.radiosity.bake_settings())
     assert found.findings == (UNSAVED,)
 
 
 def test_cube_throws_red_light_on_the_walls(room: None) -> None:
-    from radiosity_addon.blender.names import PAGE_KEY
+    from radiosity_addon.blender.data.names import PAGE_KEY
 
     scene = bpy.context.scene
     scene.radiosity.page_size, scene.radiosity.quality = 128, "draft"

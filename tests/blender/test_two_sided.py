@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.errors import SceneError
 from tests.blender.baked import diffuse
 from tests.blender.datablocks import differences, snapshot

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from radiosity_addon.bake import bake
-from radiosity_addon.blender import world
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.nodes import image_mean
-from radiosity_addon.blender.working_space import blackbody_color, working_space
+from radiosity_addon.blender.data.working_space import blackbody_color, working_space
+from radiosity_addon.blender.looks.nodes import image_mean
+from radiosity_addon.blender.reading import world
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
 

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender import world
-from radiosity_addon.blender.extract import extract_scene
+from radiosity_addon.blender.reading import world
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.lighting.sky import sky_of
 from radiosity_addon.scene import Scene, SkyTile, World
 from tests.blender.datablocks import snapshot

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from radiosity_addon.blender import write_back as module
-from radiosity_addon.blender.extract import extract_scene
-from radiosity_addon.blender.names import UV_MAP, is_baked, is_stand_in
-from radiosity_addon.blender.revert import revert
-from radiosity_addon.blender.write_back import write_back
+from radiosity_addon.blender.data.names import UV_MAP, is_baked, is_stand_in
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.blender.writing import write_back as module
+from radiosity_addon.blender.writing.revert import revert
+from radiosity_addon.blender.writing.write_back import write_back
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import OutputError, SceneError
 from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad

@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shader trees read as what radiosity knows: how much a surface reflects, emits, and lets straight through.
+
+Constants are read here; where a texture or anything else that Blender computes takes part, the record says what varies.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import bpy
+import numpy as np
+
+from ...arrays import Float64
+from ...errors import SceneError
+from ...microfacet import dielectric_albedo, dielectric_gloss, mean_pane_transmittance, metal_albedo, metal_gloss
+from ...scene import MAX_REFLECTANCE, RGB, Gloss, Material
+from ...shading import QUANTITIES, Quantity
+from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
+
+BLACK = np.zeros(3)
+WHITE = np.ones(3)
+DEFAULT_REFLECTANCE = (0.8, 0.8, 0.8)
+"""Cycles' surface where there is no material."""
+
+GOLDEN = (5**0.5 - 1) / 2
+
+Warn = Callable[[str], None]
+StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
+"""What to read of an input that is no constant, (3,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shading:
+    """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each.
+
+    `refracted` is the transmittance times the index of refraction of what lets light pass; `glosses` are part of the
+    reflectance.
+    """
+
+    reflectance: Float64 = field(default_factory=lambda: BLACK)
+    emission: Float64 = field(default_factory=lambda: BLACK)
+    transmittance: Float64 = field(default_factory=lambda: BLACK)
+    refracted: Float64 = field(default_factory=lambda: BLACK)
+    glosses: tuple[Gloss, ...] = ()
+
+    def __add__(self, other: Shading) -> Shading:
+        sums = (one + two for one, two in zip(self._parts, other._parts, strict=True))
+        return Shading(*sums, glosses=self.glosses + other.glosses)
+
+    def __mul__(self, factor: float | Float64) -> Shading:
+        share = rgb(np.broadcast_to(factor, 3))
+        return Shading(*(part * factor for part in self._parts), glosses=tuple(gloss * share for gloss in self.glosses))
+
+    @property
+    def _parts(self) -> tuple[Float64, ...]:
+        return self.reflectance, self.emission, self.transmittance, self.refracted
+
+    def unlike(self, other: Shading) -> frozenset[str]:
+        """Names of what is not the same."""
+        names = ("reflectance", "emission", "transmittance", "refracted")
+        parts = zip(names, self._parts, other._parts, strict=True)
+        return frozenset(name for name, one, two in parts if (one != two).any())
+
+
+NOTHING = Shading()
+
+
+def glass(color: Float64, ior: float) -> Shading:
+    """One surface of clear glass: what it does not let pass it reflects, both coloured."""
+    passed = mean_pane_transmittance(max(ior, 1.0))
+    return Shading(color * (1 - passed), transmittance=color * passed, refracted=color * passed * max(ior, 1.0))
+
+
+def clear(color: Float64) -> Shading:
+    """What light passes as if it were not there, but coloured."""
+    return Shading(transmittance=color, refracted=color)
+
+
+def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -> Material:
+    """A material's record; `warn` hears what had to be approximated.
+
+    Raises:
+        SceneError: it emits NaN or infinity
+        LinkCycle: its node tree feeds back into itself
+    """
+    if material is None:
+        return Material("", DEFAULT_REFLECTANCE)
+    tree = tree_of(material)
+    varies: frozenset[Quantity] = frozenset()
+    if tree is None:
+        shading = Shading(np.array(material.diffuse_color[:3], np.float64))
+    else:
+        shading, varies = read_varying(tree, warn)
+    subject = f"Material {material.name!r}"
+    emission = _finite(shading.emission, subject, "emission")
+    reflectance = _finite(shading.reflectance, subject, "reflectance")
+    transmittance = _finite(shading.transmittance, subject, "transparency")
+    if reflectance.max() > MAX_REFLECTANCE and "reflectance" not in varies:
+        warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
+    if min(reflectance.min(), emission.min()) < 0:
+        warn("has a negative colour, which is taken as black")
+    return Material(
+        name=material.name,
+        reflectance=rgb(np.clip(reflectance, 0, MAX_REFLECTANCE)),
+        emission=rgb(np.maximum(emission, 0)),
+        group=group if emission.any() or "emission" in varies else 0,
+        transmittance=rgb(np.clip(transmittance, 0, 1)),
+        ior=float(np.clip(shading.refracted.sum() / max(transmittance.sum(), 1e-9), 1, None))
+        if transmittance.any()
+        else 1.0,
+        glosses=() if transmittance.any() or "transmittance" in varies else shading.glosses,
+        varies=varies,
+    )
+
+
+def tree_of(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:
+    """The node tree in use."""
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # `use_nodes` goes away in Blender 6, where trees are always on
+        return owner.node_tree if getattr(owner, "use_nodes", True) else None
+
+
+def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
+    """What the output that Cycles takes shows, one constant where it varies.
+
+    Raises:
+        LinkCycle: the tree feeds back into itself
+    """
+    return _surface(tree, _Reader(warn, partial(approximate, warn=warn)))
+
+
+def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozenset[Quantity]]:
+    """What the output that Cycles takes shows on average, and which of it varies over the surface.
+
+    A quantity varies if it is not the same for two guesses at what is computed.
+
+    Raises:
+        LinkCycle: the tree feeds back into itself
+    """
+    guesses = _Guesses(0), _Guesses(1)
+    first = _as_rays_meet_it(tree, guesses[0], warn)
+    if not guesses[0].made:
+        return first, frozenset()
+    second = _as_rays_meet_it(tree, guesses[1])
+    differ = first.unlike(second)
+    mean = _as_rays_meet_it(tree, lambda node, name, groups: likely(node.inputs[name], groups))
+    mean = replace(mean, glosses=mean.glosses if first.glosses == second.glosses else ())
+    return mean, frozenset(quantity for quantity in QUANTITIES if quantity in differ)
+
+
+def _as_rays_meet_it(tree: bpy.types.NodeTree, stand_in: StandIn, warn: Warn | None = None) -> Shading:
+    """What shadow rays are let through, and what others see."""
+    shown = _surface(tree, _Reader(warn or _say_nothing, stand_in))
+    passed = _surface(tree, _Reader(_say_nothing, stand_in, SHADOW_PATH))
+    return replace(shown, transmittance=passed.transmittance, refracted=passed.refracted)
+
+
+def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
+    output = tree.get_output_node("CYCLES")
+    if output is None:
+        return NOTHING
+    for name, text in (("Volume", "a volume, which is"), ("Displacement", "displacement, which is")):
+        if name in output.inputs and output.inputs[name].links:
+            reader.warn(f"has {text} ignored")
+    return reader.shading(output, "Surface", ())
+
+
+def _say_nothing(message: str) -> None:
+    """For readings whose warnings were given before."""
+
+
+class _Guesses:
+    """Guesses at inputs that are computed: no two the same, none 0 or 1, where shaders turn branches off."""
+
+    def __init__(self, row: int) -> None:
+        self.row = row
+        self.made = 0
+
+    def __call__(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
+        self.made += 1
+        steps = 3 * self.made + np.arange(3)
+        return np.asarray(0.2 + 0.6 * ((GOLDEN * steps + self.row / np.pi) % 1))
+
+
+def rgb(values: Float64) -> RGB:
+    """A triple of plain numbers."""
+    return (float(values[0]), float(values[1]), float(values[2]))
+
+
+def _finite(values: Float64, subject: str, what: str) -> Float64:
+    if not np.isfinite(values).all():
+        raise SceneError(subject, f"its {what} is not a finite number", "Give its shader finite colours and strengths")
+    return values
+
+
+class _Reader:
+    """Walks a tree from its output; the nodes being read tell a cycle."""
+
+    def __init__(self, warn: Warn, stand_in: StandIn, path: Mapping[str, float] = LIGHT_PATH) -> None:
+        self.warn = warn
+        self.stand_in = stand_in
+        self.path = path
+        self.reading: list[tuple[str, ...]] = []
+
+    def shading(self, node: bpy.types.Node, name: str | int, groups: Groups) -> Shading:
+        """What the shader linked to an input gives; nothing if there is none."""
+        end, inner = follow(node.inputs[name], groups)
+        if not end.is_output:
+            return NOTHING
+        place = (*(group.name for group in inner), end.node.name)
+        if place in self.reading:
+            raise LinkCycle
+        if "Normal" in end.node.inputs and follow(end.node.inputs["Normal"], inner)[0].is_output:
+            self.warn(f"the bumps of {end.node.name} are ignored: it is lit as the flat surface below them")
+        read = READERS.get(end.node.type)
+        if read is None:
+            self.warn(f"{end.node.bl_label} is not read; a grey diffuse surface stands in")
+            return Shading(np.array(DEFAULT_REFLECTANCE))
+        self.reading.append(place)
+        shading = read(self, end.node, inner)
+        self.reading.pop()
+        return shading
+
+    def color(self, node: bpy.types.Node, name: str, groups: Groups) -> Float64:
+        constant = known(node.inputs[name], groups, self.path)
+        return self.stand_in(node, name, groups) if constant is None else constant
+
+    def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
+        return float(self.color(node, name, groups).mean())
+
+    def share(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
+        return min(max(self.number(node, name, groups), 0.0), 1.0)
+
+
+def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    """Layers from the base up, each dimmed by what the ones above reflect (Cycles' albedo scaling)."""
+    base = reader.color(node, "Base Color", groups)
+    roughness = reader.share(node, "Roughness", groups)
+    tint = reader.color(node, "Specular Tint", groups)
+    multiscatter = node.distribution == "MULTI_GGX"
+    metallic = reader.share(node, "Metallic", groups)
+    transmission = reader.share(node, "Transmission Weight", groups)
+    shading = NOTHING
+    if metallic < 1:
+        ior = max(reader.number(node, "IOR", groups), 1.0)
+        level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
+        gloss = dielectric_albedo(roughness, ior, rgb(tint), 2 * level, multiscatter)
+        facets = (dielectric_gloss(roughness, ior, rgb(tint), 2 * level),)
+        shading = Shading(gloss + (1 - gloss.max()) * base, glosses=facets) * (1 - transmission)
+        # what goes in and comes out again passes two surfaces, and is coloured once
+        through = glass(np.sqrt(np.clip(base, 0, 1)), ior)
+        shading = shading + replace(through, reflectance=through.reflectance.max() * WHITE) * transmission
+    if metallic > 0:
+        facets = (metal_gloss(roughness, rgb(base), rgb(tint)),)
+        metal = Shading(metal_albedo(roughness, rgb(base), rgb(tint), multiscatter), glosses=facets)
+        shading = metal * metallic + shading * (1 - metallic)
+    emission = reader.number(node, "Emission Strength", groups) * reader.color(node, "Emission Color", groups)
+    shading = shading + Shading(emission=emission)
+    coat = reader.share(node, "Coat Weight", groups)
+    if coat > 0:
+        rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
+        gloss = coat * dielectric_albedo(rough, max(ior, 1.0), multiscatter=False)
+        facets = (dielectric_gloss(rough, max(ior, 1.0)),)
+        shading = shading * (1 - gloss) + Shading(gloss, glosses=(Shading(glosses=facets) * coat).glosses)
+        if (reader.color(node, "Coat Tint", groups) < 1).any():
+            reader.warn(f"the coat of {node.name} is taken as clear, without its tint")
+    if transmission > 0:
+        reader.warn(f"light passes {node.name} unbent")
+    for name, text in LEFT_OUT.items():
+        if name in node.inputs and reader.number(node, name, groups) > 0:
+            reader.warn(text.format(node.name))
+    alpha = reader.share(node, "Alpha", groups)
+    return shading * alpha + clear((1 - alpha) * WHITE)
+
+
+LEFT_OUT = {
+    "Sheen Weight": "the sheen of {} is ignored",
+    "Subsurface Weight": "light that enters {} leaves where it came in: what scatters below the surface is ignored",
+    "Thin Film Thickness": "the thin film of {} is ignored",
+    "Anisotropic": "the gloss of {} is taken as alike in all directions",
+}
+"""Inputs of a Principled that bring something which has no part in diffuse light, and what is done instead."""
+
+
+def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return Shading(reader.color(node, "Color", groups))
+
+
+def _scattering(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"light that enters {node.name} leaves where it came in: what scatters below the surface is ignored")
+    return _diffuse(reader, node, groups)
+
+
+def _translucent(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} scatters light back, not through: a diffuse surface of its colour stands in")
+    return _diffuse(reader, node, groups)
+
+
+def _stand_in(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} is no {node.bl_label}: a diffuse surface of its colour stands in")
+    return _diffuse(reader, node, groups)
+
+
+def _portal(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"{node.name} leads no light elsewhere: it is black")
+    return NOTHING
+
+
+def _glossy(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    color = reader.color(node, "Color", groups)
+    roughness = reader.share(node, "Roughness", groups)
+    facets = (metal_gloss(roughness, rgb(WHITE)),)
+    if node.distribution == "MULTI_GGX":
+        return Shading(WHITE, glosses=facets) * color  # the facets' own losses are given back
+    return Shading(metal_albedo(roughness, rgb(WHITE), multiscatter=False), glosses=facets) * color
+
+
+def _metallic(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    if node.fresnel_type != "F82":
+        reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
+    base, edge = (rgb(reader.color(node, name, groups)) for name in ("Base Color", "Edge Tint"))
+    roughness = reader.share(node, "Roughness", groups)
+    albedo = metal_albedo(roughness, base, edge, node.distribution == "MULTI_GGX")
+    return Shading(albedo, glosses=(metal_gloss(roughness, base, edge),))
+
+
+def _glass(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"light passes {node.name} unbent")
+    return glass(reader.color(node, "Color", groups), reader.number(node, "IOR", groups))
+
+
+def _refraction(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    reader.warn(f"light passes {node.name} unbent")
+    return _clear(reader, node, groups)
+
+
+def _clear(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return clear(reader.color(node, "Color", groups))
+
+
+def _black(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return NOTHING
+
+
+def _emission(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return Shading(emission=reader.color(node, "Color", groups) * reader.number(node, "Strength", groups))
+
+
+def _mix(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    factor = reader.share(node, "Fac" if "Fac" in node.inputs else "Factor", groups)
+    first = reader.shading(node, 1, groups) if factor < 1 else NOTHING
+    second = reader.shading(node, 2, groups) if factor > 0 else NOTHING
+    return first * (1 - factor) + second * factor
+
+
+def _add(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    return reader.shading(node, 0, groups) + reader.shading(node, 1, groups)
+
+
+READERS: dict[str, Callable[[_Reader, bpy.types.Node, Groups], Shading]] = {
+    "BSDF_PRINCIPLED": _principled,
+    "BSDF_DIFFUSE": _diffuse,
+    "BSDF_TOON": _stand_in,
+    "BSDF_SHEEN": _stand_in,
+    "BSDF_HAIR": _stand_in,
+    "BSDF_HAIR_PRINCIPLED": _stand_in,
+    "BSDF_TRANSLUCENT": _translucent,
+    "BSDF_RAY_PORTAL": _portal,
+    "SUBSURFACE_SCATTERING": _scattering,
+    "BSDF_GLOSSY": _glossy,
+    "BSDF_METALLIC": _metallic,
+    "BSDF_GLASS": _glass,
+    "BSDF_REFRACTION": _refraction,
+    "BSDF_TRANSPARENT": _clear,
+    "HOLDOUT": _black,
+    "EMISSION": _emission,
+    "BACKGROUND": _emission,
+    "MIX_SHADER": _mix,
+    "ADD_SHADER": _add,
+}

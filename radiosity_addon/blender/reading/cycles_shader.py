@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How surfaces look, told by Cycles: it bakes their shaders, whatever they are made of, onto pages.
+
+All surfaces of a page are joined into one mesh of a scene made for the moment, and are baked in one go at one sample a
+texel: baking object by object takes a whole scene's preparation for each. What trees ask of their objects goes along as
+attributes. Nothing of the user's is touched, and nothing of ours is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ...arrays import Bools, Float32, Int64
+from ...chunks import finish
+from ...errors import SceneError
+from ...pages.lightmap import grow
+from ...shading import Layout, Quantity
+from ..data.blend_files import silence
+from ..data.evaluation import quiet_handlers
+from .extraction import Extraction
+from .joined_mesh import LAYOUT_UV, Part, join
+from .look_materials import LookMaterials
+
+BAKE_HANDLERS = ("object_bake_pre", "object_bake_complete", "object_bake_cancel")
+
+GROWTH = 3
+"""Texels by which what was baked is continued beside charts."""
+
+AROUND = np.array([[-0.45, -0.3], [0.45, -0.3], [0.0, 0.6]])
+"""Corners, in texels, of a triangle about the centre of a texel that covers no other's."""
+
+
+class CyclesShader:
+    """Answers for the surfaces that were extracted; see shading.Shader."""
+
+    def __init__(self, scene: bpy.types.Scene, extraction: Extraction) -> None:
+        """Args:
+        scene: that was extracted
+        extraction: what was read from it
+        """
+        self.scene_name = scene.name
+        self.extraction = extraction
+
+    def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:
+        """Colours (page_count, size, size, 3), as Cycles has them; see `steps`."""
+        return finish(self.steps(layout, meshes, quantity))
+
+    def steps(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Generator[None, None, Float32]:
+        """The same, one bake after the other. Until the end nothing else may change the file.
+
+        Raises:
+            SceneError: the scene or a material is gone, or Cycles is disabled
+        """
+        records = self.extraction.scene.materials
+        varies = np.array([quantity in record.varies for record in records])
+        parts: list[list[Part]] = [[] for _ in range(layout.page_count)]
+        for index, mesh in enumerate(self.extraction.scene.meshes):
+            chosen = np.flatnonzero(varies[mesh.material]) if meshes[index] and layout.page[index] >= 0 else ()
+            if len(chosen):
+                uv = layout.uv[index][chosen].astype(np.float64)
+                parts[layout.page[index]].append(Part(index, mesh, self.extraction.surfaces[index], chosen, uv))
+        pages = np.zeros((layout.page_count, layout.size, layout.size, 3), np.float32)
+        asked = sorted({asked for page in parts for part in page for asked in part.surface.values})
+        studio = _Studio(self.extraction.materials, LookMaterials(quantity, asked))
+        with studio.opened(self.scene_name):
+            for page, on_page in zip(pages, parts, strict=True):
+                if on_page:
+                    page[:] = yield from _page(studio, on_page, layout.size)
+        return pages
+
+
+def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Generator[None, None, Float32]:
+    """One page (size, size, 3); surfaces too small to cover the centre of a texel are baked once more, magnified."""
+    colors, known = yield from studio.bake(parts, size)
+    places = [np.clip((part.uv.mean(1) * size).astype(np.int64), 0, size - 1) for part in parts]
+    lost = [~known[place[:, 1], place[:, 0]] for place in places]
+    count = sum(int(np.count_nonzero(some)) for some in lost)
+    if count:
+        side = max(math.ceil(math.sqrt(count)), 4)
+        cell = np.stack([np.arange(count) % side, np.arange(count) // side], axis=1)
+        uv = (cell[:, None] + 0.5 + AROUND) / side
+        firsts = np.cumsum([0, *(np.count_nonzero(some) for some in lost)])
+        magnified = [
+            replace(part, chosen=part.chosen[some], uv=uv[first : first + np.count_nonzero(some)])
+            for part, some, first in zip(parts, lost, firsts, strict=False)
+            if some.any()
+        ]
+        shown, _ = yield from studio.bake(magnified, side)
+        x, y = np.concatenate([place[some] for place, some in zip(places, lost, strict=True)]).T
+        colors[y, x] = shown[cell[:, 1], cell[:, 0]]
+        known[y, x] = True
+    for _ in range(GROWTH):
+        grow(colors, known)
+    return colors
+
+
+class _Studio:
+    """A scene for the moment in which parts are baked."""
+
+    def __init__(self, names: Sequence[str], materials: LookMaterials) -> None:
+        """Args:
+        names: full name of each of the records' materials
+        materials: the copies to bake
+        """
+        self.names = names
+        self.materials = materials
+        self.scene: bpy.types.Scene | None = None
+
+    @contextmanager
+    def opened(self, scene_name: str) -> Iterator[None]:
+        """Within, parts can be baked as the user's scene of this name shows them."""
+        user = bpy.data.scenes.get(scene_name)
+        if user is None:
+            raise SceneError(scene_name, "the scene was renamed or deleted during the bake", "Bake again")
+        self.scene = bpy.data.scenes.new("Radiosity")
+        try:
+            _set_up(self.scene, user)
+            yield
+        finally:
+            bpy.data.scenes.remove(self.scene)
+            self.materials.remove()
+
+    def bake(self, parts: Sequence[Part], size: int) -> Generator[None, None, tuple[Float32, Bools]]:
+        """Colours (size, size, 3) of the texels whose centres the parts cover, and which those are."""
+        colors, known = np.zeros((size, size, 3), np.float32), np.zeros((size, size), bool)
+        together = [part for part in parts if not part.surface.apart]
+        for group in filter(None, [together, *([part] for part in parts if part.surface.apart)]):
+            corners = np.concatenate([part.uv.reshape(-1, 2) for part in group]) * size
+            low = np.clip(np.floor(corners.min(0)), 0, size - 1).astype(int)
+            high = np.clip(np.ceil(corners.max(0)), low + 1, size).astype(int)
+            shown = self._bake_window(group, size, low, high - low)
+            window = slice(low[1], high[1]), slice(low[0], high[0])
+            there = shown[:, :, 3] > 0
+            colors[window][there] = shown[there, :3]
+            known[window] |= there
+            yield
+        return colors, known
+
+    def _bake_window(self, parts: Sequence[Part], size: int, low: Int64, extent: Int64) -> Float32:
+        """Part of a page, (height, width, 4), with alpha where texels are covered: each object needs its own time."""
+        image = bpy.data.images.new("Radiosity", *map(int, extent), alpha=True, float_buffer=True, is_data=True)
+        mesh = bpy.data.meshes.new("Radiosity")
+        try:
+            pixels = np.zeros((extent[1], extent[0], 4), np.float32)
+            image.pixels.foreach_set(pixels.ravel())
+            matrix = parts[0].surface.matrix if parts[0].surface.apart else np.eye(4)
+            placed = [replace(part, uv=(part.uv * size - low) / extent) for part in parts]
+            used = join(mesh, placed, matrix, self.materials.names)
+            for index in used:
+                mesh.materials.append(self.materials.of(self._material(self.names[index])))
+            self.materials.aim(image)
+            thing = bpy.data.objects.new("Radiosity", mesh)
+            thing.matrix_world = matrix.T
+            self.scene.collection.objects.link(thing)
+            layer = self.scene.view_layers[0]
+            layer.update()
+            shown = {"scene": self.scene, "view_layer": layer, "object": thing, "active_object": thing}
+            with silence(), quiet_handlers(BAKE_HANDLERS), bpy.context.temp_override(**shown, selected_objects=[thing]):
+                bpy.ops.object.bake(
+                    "EXEC_DEFAULT", type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0,
+                    uv_layer=LAYOUT_UV, use_clear=False, use_selected_to_active=False, use_split_materials=False,
+                )  # fmt: skip
+            image.pixels.foreach_get(pixels.ravel())
+            return pixels
+        finally:
+            bpy.data.meshes.remove(mesh)  # takes its object along
+            bpy.data.images.remove(image)
+
+    @staticmethod
+    def _material(name: str) -> bpy.types.Material:
+        found = next((material for material in bpy.data.materials if material.name_full == name), None)
+        if found is None:
+            raise SceneError(f"Material {name!r}", "was renamed or deleted during the bake", "Bake again")
+        return found
+
+
+def _set_up(scene: bpy.types.Scene, user: bpy.types.Scene) -> None:
+    """One sample at the centre of each texel, at the user's moment and camera."""
+    try:
+        scene.render.engine = "CYCLES"
+    except TypeError as error:
+        raise SceneError(
+            "Cycles", "it is disabled, and no one else can tell how materials look", "Enable it in the preferences"
+        ) from error
+    scene.cycles.device = "CPU"
+    scene.cycles.samples, scene.cycles.max_bounces = 1, 0
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = scene.cycles.use_auto_tile = False
+    scene.frame_current, scene.frame_subframe = user.frame_current, user.frame_subframe
+    scene.camera = user.camera

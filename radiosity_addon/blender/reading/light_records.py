@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The lamps, the world and the light groups of a scene as records."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import bpy
+
+from ...arrays import Float64
+from ...radiosity.bounces import ENDLESS
+from ...scene import Light, World
+from ..looks.nodes import LinkCycle
+from .extraction import Notes
+from .lamps import read_lamp
+from .world import read_world, render_sky
+
+
+class LightRecords:
+    """Light that was read so far.
+
+    Attributes:
+        groups: light groups: name, and most bounces of its light if they are limited
+        lamps: as the core takes them
+        linked: by the index of a lamp, the collection that it is linked to
+        world: as the core takes it
+    """
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph, notes: Notes) -> None:
+        self._depsgraph = depsgraph
+        self._layer = depsgraph.view_layer
+        self._notes = notes
+        self._to_render: bpy.types.World | None = None
+        self.groups: list[tuple[str, int | None]] = [("", None)]
+        self.lamps: list[Light] = []
+        self.linked: dict[int, bpy.types.Collection] = {}
+        self.world = World()
+
+    @property
+    def dark(self) -> bool:
+        """Whether there is no light at all."""
+        return not (self.lamps or any(self.world.radiance) or self.world.sky)
+
+    def read_lamp(self, lamp: bpy.types.Object, matrix: Float64) -> None:
+        """Take in a lamp, unless it gives no light."""
+        hears = self._notes.hears(f"Lamp {lamp.name!r}")
+        try:
+            light = read_lamp(lamp, matrix, self.group(lamp.lightgroup, lamp.data), hears)
+        except LinkCycle:
+            hears("has a node tree that feeds back into itself, and gives no light")
+            return
+        if light is not None:
+            linked = lamp.original.light_linking.receiver_collection
+            if linked is not None:
+                self.linked[len(self.lamps)] = linked
+            self.lamps.append(light)
+
+    def read_world(self) -> None:
+        """Take in the world, but for one that has to be rendered to be known."""
+        world = getattr(self._layer, "world_override", None) or self._depsgraph.scene_eval.world
+        if world is None:
+            return
+        hears, group = self._notes.hears(f"World {world.name!r}"), self.group(world.lightgroup, world)
+        try:
+            found = read_world(world, group, hears)
+        except LinkCycle:
+            hears("has a node tree that feeds back into itself, and gives no light")
+            return
+        if found is None:
+            self.world, self._to_render = World(group=group), world.original
+        else:
+            self.world = found
+
+    def render_world(self, scene: bpy.types.Scene) -> Generator[None, None, None]:
+        """Look at a world that no reading of nodes could tell; no render may be under way."""
+        world = self._to_render
+        if world is None:
+            return
+        sky = yield from render_sky(scene, world, self._notes.hears(f"World {world.name!r}"))
+        self.world = replace(self.world, sky=sky)
+
+    def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:
+        """Index of a light group; names that the view layer does not know are none.
+
+        A `light` whose bounces are limited is one of a group that bounces as often.
+        """
+        limit = getattr(getattr(light, "cycles", None), "max_bounces", ENDLESS)
+        wanted = (name if name in self._layer.lightgroups else "", limit if limit < ENDLESS else None)
+        if wanted not in self.groups:
+            self.groups.append(wanted)
+        return self.groups.index(wanted)

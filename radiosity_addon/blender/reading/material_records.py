@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The materials of a scene as records, one for each that is used in each light group."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...arrays import Int32
+from ...scene import Material
+from ..data.names import original_material
+from ..looks.materials import read_material
+from ..looks.nodes import LinkCycle
+from ..looks.surface_inputs import Asking
+from .extraction import Notes, Skip
+
+
+class MaterialRecords:
+    """Materials that were read so far.
+
+    Attributes:
+        records: as the core takes them
+        shown: of each record the full name of its material, and what it asks for if it varies
+    """
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph, notes: Notes) -> None:
+        self._depsgraph = depsgraph
+        self._notes = notes
+        self._override = depsgraph.view_layer.material_override
+        self._index: dict[tuple[str, int], int | LinkCycle] = {}
+        self.records: list[Material] = []
+        self.shown: list[tuple[str, Asking | None]] = []
+
+    @property
+    def emit(self) -> bool:
+        """Whether any of them shines."""
+        return any(any(material.emission) or "emission" in material.varies for material in self.records)
+
+    def of_slots(self, slots: list[bpy.types.Material | None], group: int, user: str) -> Int32:
+        """Index into the records' materials of each slot; of the default surface where there is none."""
+        override = self._override
+        chosen = [override] * max(len(slots), 1) if override else (slots or [None])
+        return np.array([self._of(material, group, user) for material in chosen], np.int32)
+
+    def _of(self, material: bpy.types.Material | None, group: int, user: str) -> int:
+        shown = original_material(material.original if material is not None else None)
+        key = (shown.name_full if shown is not None else "", group)
+        found = self._index.get(key)
+        if found is None:
+            found = self._index[key] = self._new(shown, group, user)
+        if isinstance(found, LinkCycle):
+            raise Skip(f"its material {key[0]!r} feeds back into itself")
+        return found
+
+    def _new(self, shown: bpy.types.Material | None, group: int, user: str) -> int | LinkCycle:
+        evaluated = shown.evaluated_get(self._depsgraph) if shown is not None else None
+        name = shown.name if shown is not None else ""
+        try:
+            self.records.append(read_material(evaluated, group, self._notes.hears(f"Material {name!r} of {user}")))
+        except LinkCycle as cycle:
+            return cycle
+        asking = Asking.of(evaluated.node_tree) if self.records[-1].varies else None
+        for text in asking.unanswered if asking else ():
+            self._notes.warn(f"Material {name!r} of {user}: {text}")
+        self.shown.append((shown.name_full if shown is not None else "", asking))
+        return len(self.records) - 1
