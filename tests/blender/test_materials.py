@@ -12,45 +12,10 @@ import pytest
 from radiosity_addon.blender.looks.materials import read_material
 from radiosity_addon.blender.looks.nodes import LinkCycle
 from radiosity_addon.errors import SceneError
-from radiosity_addon.microfacet import mean_pane_transmittance, pane_transmittance
 from radiosity_addon.scene import MAX_REFLECTANCE, Material
+from tests.blender.read_trees import Tree, rgb
 
 GREY = (0.5, 0.5, 0.5)
-
-
-class Tree:
-    """A material made node by node."""
-
-    def __init__(self, name: str = "Material") -> None:
-        self.material = bpy.data.materials.new(name)
-        if bpy.app.version < (5, 0):
-            self.material.use_nodes = True
-        self.tree = self.material.node_tree
-        self.tree.nodes.clear()
-        self.warnings: list[str] = []
-
-    def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:
-        node = self.tree.nodes.new(f"ShaderNode{kind}")
-        for name, value in inputs.items():
-            socket = node.inputs[name.replace("_", " ")]
-            socket.default_value = (*value, 1) if isinstance(value, tuple) else value
-        return node
-
-    def link(self, source: bpy.types.Node, target: bpy.types.Node, name: str | int, output: str | int = 0) -> None:
-        self.tree.links.new(source.outputs[output], target.inputs[name])
-
-    def show(self, shader: bpy.types.Node, target: str = "ALL") -> bpy.types.Node:
-        output = self.node("OutputMaterial")
-        output.target = target
-        self.link(shader, output, "Surface")
-        return output
-
-    def read(self) -> Material:
-        return read_material(self.material, 0, self.warnings.append)
-
-
-def rgb(*values: float) -> object:
-    return pytest.approx(values, rel=1e-5)
 
 
 def test_a_diffuse_shader_reflects_its_colour():
@@ -394,61 +359,3 @@ def test_a_principleds_reflectance_is_what_cycles_returns_in_a_furnace(inputs):
     record = Tree("read")
     wall(record)
     assert 1 - 1 / cycles_furnace(wall) == pytest.approx(record.read().reflectance[0], abs=0.01)
-
-
-def test_a_transparent_shader_lets_its_colour_through():
-    tree = Tree()
-    tree.show(tree.node("BsdfTransparent", Color=(1, 0.5, 0.25)))
-    material = tree.read()
-    assert material.transmittance == rgb(1, 0.5, 0.25)
-    assert material.reflectance == (0, 0, 0)
-    assert tree.warnings == []
-
-
-def test_alpha_lets_the_rest_through_and_leaves_its_share_of_all_else():
-    tree = Tree()
-    tree.show(
-        tree.node("BsdfPrincipled", Alpha=0.25, Emission_Color=(1, 1, 1), Emission_Strength=4.0, Specular_IOR_Level=0.0)
-    )
-    material = tree.read()
-    assert material.transmittance == rgb(0.75, 0.75, 0.75)
-    assert material.emission == rgb(1, 1, 1)
-    assert material.reflectance[0] == pytest.approx(0.2, abs=0.01)
-    assert tree.warnings == []
-
-
-@pytest.mark.parametrize("kind", ["BsdfGlass", "BsdfPrincipled"])
-def test_two_surfaces_of_glass_let_through_what_cycles_does(kind):
-    """Measured in Cycles: a wide slab of this glass lets 0.928, 0.464 and 0.232 of light from above through."""
-    tree = Tree()
-    colour = {"Color": (1, 0.5**0.5, 0.5)} if kind == "BsdfGlass" else {"Base_Color": (1, 0.5, 0.25)}
-    glass = tree.node(kind, IOR=1.5, Roughness=0.0, **colour)
-    if kind == "BsdfPrincipled":
-        glass.inputs["Transmission Weight"].default_value = 1.0
-    tree.show(glass)
-    material = tree.read()
-    from_above = pane_transmittance(np.ones(1), material.ior) / mean_pane_transmittance(material.ior)
-    assert np.square(material.transmittance * from_above) == pytest.approx((0.928, 0.464, 0.232), rel=0.007)
-    for passed, reflected in zip(material.transmittance, material.reflectance, strict=True):
-        assert passed + reflected <= 1 + 1e-9
-    assert tree.warnings == [f"light passes {glass.name} unbent"]
-
-
-def test_a_mix_with_transparent_for_shadow_rays_lets_light_through():
-    tree = Tree()
-    path, mix = tree.node("LightPath"), tree.node("MixShader")
-    tree.link(path, mix, 0, "Is Shadow Ray")
-    tree.link(tree.node("BsdfDiffuse", Color=(0.5, 0.5, 0.5)), mix, 1)
-    tree.link(tree.node("BsdfTransparent"), mix, 2)
-    tree.show(mix)
-    material = tree.read()
-    assert material.transmittance == (1, 1, 1)
-    assert material.reflectance == rgb(0.5, 0.5, 0.5)
-
-
-def test_a_picture_of_holes_varies_in_what_passes():
-    tree = Tree()
-    leaf, holes = tree.node("BsdfPrincipled"), tree.node("TexChecker")
-    tree.link(holes, leaf, "Alpha", "Fac")
-    tree.show(leaf)
-    assert tree.read().varies == {"reflectance", "transmittance"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be done with a baked scene: look at the original again, and at the bake's report."""
+"""What can be done with a baked scene: look at the original again and at the bake's report, or take it out."""
 
 from __future__ import annotations
 
@@ -12,15 +12,12 @@ from ...errors import explained
 from ..data.names import REPORT_KEY, is_baked
 from ..last_bake import write_last_report
 from ..writing.originals import show_bake, show_originals, shows_originals
+from ..writing.revert import revert
 from .running import Running
 
 
-class RADIOSITY_OT_toggle(bpy.types.Operator):
-    """Switch the whole scene between its baked light and how it was before the bake; nothing is lost either way"""
-
-    bl_idname = "radiosity.toggle"
-    bl_label = "Show Original"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
+class OfBakedScene:
+    """What can be done with a baked scene alone, and while no bake runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -32,11 +29,31 @@ class RADIOSITY_OT_toggle(bpy.types.Operator):
             return False
         return True
 
+
+class RADIOSITY_OT_toggle(OfBakedScene, bpy.types.Operator):
+    """Switch the whole scene between its baked light and how it was before the bake; nothing is lost either way"""
+
+    bl_idname = "radiosity.toggle"
+    bl_label = "Show Original"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         if shows_originals(context.scene):
             show_bake(context.scene)
         else:
             show_originals(context.scene)
+        return {"FINISHED"}
+
+
+class RADIOSITY_OT_revert(OfBakedScene, bpy.types.Operator):
+    """Take the bake out of the scene: materials, uv maps and objects become what they were before"""
+
+    bl_idname = "radiosity.revert"
+    bl_label = "Revert"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        revert(context.scene)
         return {"FINISHED"}
 
 
@@ -66,7 +83,7 @@ class RADIOSITY_OT_show_report(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (RADIOSITY_OT_toggle, RADIOSITY_OT_show_report)
+CLASSES = (RADIOSITY_OT_toggle, RADIOSITY_OT_revert, RADIOSITY_OT_show_report)
 
 
 def register() -> None:

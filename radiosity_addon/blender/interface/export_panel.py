@@ -12,10 +12,9 @@ from bpy.props import BoolProperty, PointerProperty, StringProperty
 
 from ...errors import BakeError, OutputError, explained
 from ...files import Transaction
-from ..data.names import is_baked
 from ..handover.export import Exported, Handover, export_lightmaps
+from .after_bake import OfBakedScene
 from .format_properties import RadiosityFileSettings
-from .operators import Running
 from .panels import RenderPanel, SplitPanel
 from .properties import RELATIVE_PATH
 
@@ -42,7 +41,7 @@ class RadiosityExportSettings(bpy.types.PropertyGroup):
     )
 
 
-class RADIOSITY_OT_export(bpy.types.Operator):
+class RADIOSITY_OT_export(OfBakedScene, bpy.types.Operator):
     """Write the lightmaps, how to read and place them, and a glTF file for game engines and the web"""
 
     bl_idname = "radiosity.export"
@@ -50,11 +49,7 @@ class RADIOSITY_OT_export(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if Running.progress is not None:
-            cls.poll_message_set("A bake is running")
-            return False
-        if context.scene is None or not is_baked(context.scene):
-            cls.poll_message_set("This scene is not baked")
+        if not super().poll(context):
             return False
         if context.mode.startswith("EDIT"):
             cls.poll_message_set("Leave edit mode first")

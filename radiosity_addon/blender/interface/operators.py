@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake and revert as operators: blocking from scripts and in background, alive and cancellable in a window."""
+"""The bake as an operator: blocking from scripts and in background, alive and cancellable in a window."""
 
 from __future__ import annotations
 
@@ -16,10 +16,8 @@ from ...errors import BakeError, explained
 from ...files import Transaction
 from ...reports.report import Report
 from ...stages import Progress
-from ..data.names import is_baked
 from ..job import Job, Seat, bake_scene
 from ..last_bake import keep_report, learn
-from ..writing.revert import revert
 from .running import Running
 
 IN_FILE = ("Read scene", "Write back")
@@ -116,28 +114,6 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RADIOSITY_OT_revert(bpy.types.Operator):
-    """Take the bake out of the scene: materials, uv maps and objects become what they were before"""
-
-    bl_idname = "radiosity.revert"
-    bl_label = "Revert"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if Running.progress is not None:
-            cls.poll_message_set("A bake is running")
-            return False
-        if context.scene is None or not is_baked(context.scene):
-            cls.poll_message_set("This scene is not baked")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        revert(context.scene)
-        return {"FINISHED"}
-
-
 class RADIOSITY_OT_stop(bpy.types.Operator):
     """End the running bake now, and keep the light as it is shown"""
 
@@ -204,7 +180,7 @@ def _textures(chosen: str, opened: Path | None) -> Path | None:
     return Path(bpy.path.abspath(chosen)).resolve()
 
 
-CLASSES = (RADIOSITY_OT_bake, RADIOSITY_OT_stop, RADIOSITY_OT_cancel, RADIOSITY_OT_revert)
+CLASSES = (RADIOSITY_OT_bake, RADIOSITY_OT_stop, RADIOSITY_OT_cancel)
 
 
 def register() -> None:
