@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
 import signal
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from .arguments import Verb, parser, verb_of
 from .errors import BakeError, explained
@@ -56,6 +57,20 @@ def main(argv: Sequence[str] | None = None, opened: str | None = None) -> int:
             traceback.print_exc()
         return _fail(meter, f"error: {explained(error)}")
     return DONE
+
+
+def program() -> NoReturn:
+    """`main` as a process of its own."""
+    code = main()
+    bpy = sys.modules.get("bpy")
+    if bpy is None or bpy.app.version >= (5, 0):
+        sys.exit(code)
+    # The module bpy 4 ends its threads when it is freed. Where anything still refers to it when Python ends, as after
+    # Ctrl-C, it never is, and the destructors of its library then wait for ever for a thread that nobody ends.
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)  # which Blender would have removed
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def _run(verb: Verb, is_open: bool, meter: Meter) -> None:
