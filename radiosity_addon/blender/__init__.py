@@ -19,6 +19,7 @@ def _parts() -> tuple[ModuleType, ...]:
     from .interface import (
         after_bake,
         export_panel,
+        light_mix_panel,
         manual,
         object_settings,
         operators,
@@ -30,7 +31,7 @@ def _parts() -> tuple[ModuleType, ...]:
     from .judging import light_meter, overlay_panel
 
     operating = (properties, object_settings, operators, scene_check, after_bake, presets, light_meter)
-    return (*operating, panels, overlay_panel, export_panel, manual)
+    return (*operating, panels, light_mix_panel, overlay_panel, export_panel, manual)
 
 
 def register() -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 import bpy
 
@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..files import Transaction
 from ..geometry.sides import backs_of
 from ..pages.page_files import PageFiles, group_stems, page_paths, sidecar_path, write_pages, write_sidecar
-from ..pages.page_format import PageFormat
+from ..pages.page_format import PageFormat, Recipe
 from ..reports.overview import Overview, overview
 from ..reports.report import BakedObject, Page, Report
 from ..reports.texel_maps import packed, texel_map
@@ -32,6 +32,7 @@ from .last_bake import keep_report
 from .reading.cycles_shader import CyclesShader
 from .reading.extract import read_scene
 from .reading.extraction import Extraction
+from .writing.light_mix import MOST_GROUPS
 from .writing.write_back import write_back
 
 READING_SHARE = 0.02
@@ -41,6 +42,9 @@ BAKING_SHARE = 0.94
 LEAST_TOLD = 0.001
 """Share of texels outside of what files can hold from which on the user hears of it."""
 
+
+Apart: TypeAlias = dict[str, tuple[Sequence[Path], Recipe]]
+"""By name of the light group, files with its light alone and how to read them."""
 
 T = TypeVar("T")
 
@@ -118,7 +122,7 @@ def bake_scene(
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
         writing = _written(last, job, folder, paths, baked, extraction.scene.working_space, files)
-        written, seen, maps = yield from writing if seat is None else in_thread(writing, last, wait=None)
+        written, apart, seen, maps = yield from writing if seat is None else in_thread(writing, last, wait=None)
         on_disk = time.perf_counter()
         last = replace(last, stage="Write back")
         yield last
@@ -130,6 +134,7 @@ def bake_scene(
             recipe=written.recipe,
             mode=job.write_back,
             pack=job.folder is None,
+            apart=apart,
         )
         rows, images = yield from _as_part_of(last, writing_back)
         for row, kept in zip(images, maps, strict=True):
@@ -171,13 +176,10 @@ def bake_scene(
             *baked.warnings,
             *_clamped_warnings(paths, written.clamped, job.page_format),
             *_mapped_warning(written),
-            *_unwritten_warning(job, baked),
+            *_unmixed_warning(apart),
         ],
         ended_in=baked.ended_in,
-        light_groups={
-            name: _group_paths(job, stem, len(baked.pages))
-            for name, stem in group_stems(job.stem, list(baked.apart)).items()
-        },
+        light_groups={name: own for name, (own, _) in apart.items()} if job.folder else {},
     )
     keep_report(_still_there(scene_name), report)
     return report
@@ -191,24 +193,26 @@ def _written(
     baked: Baked,
     working: RGBSpace,
     files: Transaction,
-) -> Generator[Progress, None, tuple[PageFiles, Overview | None, list[bytes]]]:
+) -> Generator[Progress, None, tuple[PageFiles, Apart, Overview | None, list[bytes]]]:
     """Write the pages, look at them if that is wanted, and pack what each texel was for the overlays."""
     yield last
     wanted, workers = job.page_format, job.settings.workers
     written = write_pages(baked.pages, paths, wanted, working, files, workers)
     if job.folder is not None:
         _describe(folder, job.stem, paths, written, wanted, files)
-        for name, stem in group_stems(job.stem, list(baked.apart)).items():
-            yield last
-            own = _group_paths(job, stem, len(baked.pages))
-            recipe = write_pages(baked.apart[name], own, wanted, working, files, workers)
-            _describe(folder, stem, own, recipe, wanted, files)
+    apart: Apart = {}
+    for name, stem in group_stems(job.stem, list(baked.apart)).items():
+        yield last
+        own = page_paths(folder, stem, len(baked.pages), wanted.suffix)
+        of_group = write_pages(baked.apart[name], own, wanted, working, files, workers)
+        _describe(folder, stem, own, of_group, wanted, files)
+        apart[name] = own, of_group.recipe
     yield last
     maps = [packed(texel_map(baked.elements, baked.patch, page)) for page in range(len(baked.pages))]
     yield last
     if not job.looked_at:
-        return written, None, maps
-    return written, overview(baked.pages, baked.elements, paths, written, wanted, working, workers), maps
+        return written, apart, None, maps
+    return written, apart, overview(baked.pages, baked.elements, paths, written, wanted, working, workers), maps
 
 
 def _as_part_of(progress: Progress, steps: Generator[object, None, T]) -> Generator[Progress, None, T]:
@@ -232,14 +236,10 @@ def _describe(
         write_sidecar(sidecar_path(folder, stem), paths, written.recipe, files)
 
 
-def _group_paths(job: Job, stem: str, pages: int) -> list[Path]:
-    return page_paths(job.folder, stem, pages, job.page_format.suffix) if job.folder else []
-
-
-def _unwritten_warning(job: Job, baked: Baked) -> list[str]:
-    if job.folder or not baked.apart:
+def _unmixed_warning(apart: Apart) -> list[str]:
+    if len(apart) <= MOST_GROUPS:
         return []
-    return ["The light groups have no files of their own, as the file is not saved; save it and bake again"]
+    return [f"There are {len(apart)} light groups, but only {MOST_GROUPS} can be mixed in a material; use fewer"]
 
 
 def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None, Baked]:

@@ -16,7 +16,7 @@ from ..errors import SceneError
 from ..estimate import Pace
 from ..reports.report import Report
 from ..reports.report_page import write_report_page
-from .data.names import BAKE_KEY, PAGE_KEY, REPORT_KEY
+from .data.names import BAKE_KEY, PAGE_KEY, REPORT_KEY, page_images
 
 EXTENSION = __package__.rpartition(".")[0].rpartition(".")[0] if __package__.count(".") > 2 else ""
 """The name under which Blender knows us; "" where the package is imported plainly."""
@@ -68,11 +68,7 @@ def write_last_report(scene: bpy.types.Scene, folder: Path) -> Path:
         raise SceneError(scene.name, "there is no report of a bake", "Bake the scene")
     known = json.loads(scene[REPORT_KEY]["report"])
     known["folder"] = "."
-    images = {
-        image[PAGE_KEY]: image
-        for image in bpy.data.images
-        if PAGE_KEY in image and image.get(BAKE_KEY) == scene.get(BAKE_KEY)
-    }
+    images = {image[PAGE_KEY]: image for image in page_images(scene.get(BAKE_KEY, ""))}
     for index, page in enumerate(known["pages"]):
         image = images.get(index)
         page["file"] = None if image is None else str(_file_of(image, folder / f"radiosity_page_{index + 1}"))

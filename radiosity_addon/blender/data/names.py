@@ -21,6 +21,9 @@ BAKE_KEY = "radiosity_bake"
 PAGE_KEY = "radiosity_page"
 """On an image: index of the page that it holds. On a baked object: of the page that it lies on."""
 
+GROUP_KEY = "radiosity_group"
+"""On an image of a page that holds the light of one light group alone: its name."""
+
 BACK_PAGE_KEY = "radiosity_back_page"
 """On a baked object of two sides: index of the page that its backs lie on."""
 
@@ -74,6 +77,18 @@ KEYS = (
 def is_baked(scene: bpy.types.Scene) -> bool:
     """Whether the scene carries a bake that `revert` can take out."""
     return BAKE_KEY in scene
+
+
+def page_images(token: str) -> list[bpy.types.Image]:
+    """The images of a bake's pages, as far as they are still there, in order; those of light groups are others."""
+    own = [image for image in bpy.data.images if image.get(BAKE_KEY) == token and PAGE_KEY in image]
+    return sorted((image for image in own if GROUP_KEY not in image), key=lambda image: image[PAGE_KEY])
+
+
+def group_images(token: str, page: int) -> dict[str, bpy.types.Image]:
+    """By name of the light group, the images that hold its share of one page's light."""
+    own = [image for image in bpy.data.images if image.get(BAKE_KEY) == token and GROUP_KEY in image]
+    return {image[GROUP_KEY]: image for image in own if image[PAGE_KEY] == page}
 
 
 def is_stand_in(thing: bpy.types.Object) -> bool:

@@ -22,7 +22,7 @@ SETTINGS = {
         "solver": "advanced.md#method",
         "form_factors": "advanced.md#form-factors",
         "subdivisions": "advanced.md#subdivisions",
-        "light_groups": "light_groups.md#files-of-each-group",
+        "light_groups": "light_groups.md#keep-groups-apart",
         "threads": "advanced.md#threads",
         "write_back": "output.md#result",
         "textures": "output.md#textures",
@@ -41,6 +41,10 @@ SETTINGS = {
         "folder": "export.md#folder",
         "gltf": "export.md#gltf",
         "files": "export.md#files",
+    },
+    "RadiosityLightGroup": {
+        "strength": "light_groups.md#light-mix",
+        "color": "light_groups.md#light-mix",
     },
     "RadiosityObjectSettings": {
         "exclude": "object.md#exclude",
@@ -78,6 +82,7 @@ OPERATORS = {
     "flip": "check.md#flip-normals",
     "show_report": "last_bake.md#show-report",
     "export": "export.md#export-lightmaps",
+    "reset_mix": "light_groups.md#light-mix",
     "overlay": "judge.md#overlay",
     "light_meter": "judge.md#light-meter",
     "copy_settings": "object.md#copy-to-selected",

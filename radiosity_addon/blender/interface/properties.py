@@ -123,8 +123,9 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         max=MOST_SUBDIVISIONS,
     )
     light_groups: BoolProperty(
-        name="Files per Group",
-        description="Write the light of each light group to files of its own, too, for engines to dim them apart",
+        name="Keep Groups Apart",
+        description="Bake the light of each light group onto pages of its own, too: afterwards it can be dimmed and "
+        "tinted without baking again, here or in an engine",
         default=False,
     )
     threads: IntProperty(

@@ -6,7 +6,6 @@ No part of this needs a graphics card.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,9 +17,9 @@ from ...arrays import Float32, Float64, Int32, Int64
 from ...atlas.density import quantiles, surface_per_uv, texels_per_metre, world_areas
 from ...atlas.islands import borders, uv_charts
 from ...color.spaces import REC709
-from ...pages.page_format import Recipe
 from ...reports.pictures import exposure_of, illuminance, scale_ends
 from ...reports.texel_maps import INVALID, UNUSED, patch_count, unpacked
+from ...scene import RGB
 from ..data.names import (
     BACK_PAGE_KEY,
     BACK_UV_MAP,
@@ -31,8 +30,11 @@ from ..data.names import (
     TEXELS_KEY,
     UV_MAP,
     has_our_uv_map,
+    is_baked,
+    page_images,
 )
-from ..writing.baked_pages import page_light
+from ..writing.baked_pages import mixed_light, recipe_of
+from ..writing.light_mix import mixed_colors
 
 LIGHT, TEXELS, SURFACES = "light", "texels", "surfaces"
 """What an overlay needs: pages; what their texels were; nothing but a uv map."""
@@ -163,22 +165,23 @@ class Pages:
 
     Attributes:
         images: in order
+        colors: of the light groups, where they are mixed anew
     """
 
     images: list[bpy.types.Image]
+    colors: dict[str, RGB] = field(default_factory=dict)
     _light: dict[int, Float32] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> Pages:
         """Those of the scene; none where it is not baked."""
-        token = scene.get(BAKE_KEY)
-        own = [image for image in bpy.data.images if token and image.get(BAKE_KEY) == token and RECIPE_KEY in image]
-        return cls(sorted(own, key=lambda image: image[PAGE_KEY]))
+        own = page_images(scene[BAKE_KEY]) if is_baked(scene) else []
+        return cls([image for image in own if RECIPE_KEY in image], mixed_colors(scene))
 
     @property
-    def signature(self) -> tuple[int, ...]:
-        """Another one for other images."""
-        return tuple(image.session_uid for image in self.images)
+    def signature(self) -> Hashable:
+        """Another one for other images, or another mix of them."""
+        return tuple(image.session_uid for image in self.images), tuple(self.colors.items())
 
     @property
     def size(self) -> int:
@@ -193,9 +196,8 @@ class Pages:
         """
         if page not in self._light:
             image = self.images[page]
-            recipe = Recipe.from_dict(json.loads(image[RECIPE_KEY]))
-            matrix = recipe.space.to(REC709).T.astype(np.float32)
-            self._light[page] = page_light(image, recipe) @ matrix
+            matrix = recipe_of(image).space.to(REC709).T.astype(np.float32)
+            self._light[page] = mixed_light(image, self.colors) @ matrix
         return self._light[page]
 
     @cached_property

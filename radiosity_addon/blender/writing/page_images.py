@@ -16,7 +16,7 @@ import numpy as np
 
 from ...errors import OutputError, SettingsError
 from ...pages.page_format import PICTURES, Recipe
-from ..data.names import BAKE_KEY, PAGE_KEY, RECIPE_KEY
+from ..data.names import BAKE_KEY, GROUP_KEY, PAGE_KEY, RECIPE_KEY
 from ..data.working_space import SAME, working_space
 from .decode_nodes import DecodeNodes
 
@@ -30,13 +30,16 @@ UNFILTERED = ("rgb9e5",)
 """Formats that mean nothing between texels."""
 
 
-def load_page(path: Path, page: int, token: str, recipe: Recipe, *, pack: bool) -> bpy.types.Image:
+def load_page(
+    path: Path, page: int, token: str, recipe: Recipe, *, pack: bool, group: str | None = None
+) -> bpy.types.Image:
     """Load a page file.
 
     Args:
         page: its index
         token: the bake's
         pack: keep it inside the .blend; one that is not saved does so anyhow
+        group: of a page that holds the light of one light group alone, its name
 
     Raises:
         OutputError: it can't be read
@@ -48,7 +51,9 @@ def load_page(path: Path, page: int, token: str, recipe: Recipe, *, pack: bool) 
         raise OutputError(str(path), "this page can't be read", "Bake again") from failure
     image[BAKE_KEY] = token
     image[PAGE_KEY] = page
-    image.name = f"Radiosity {page + 1}"
+    image.name = page_name(page, group)
+    if group is not None:
+        image[GROUP_KEY] = group
     if 0 in image.size:
         raise OutputError(str(path), "this page is no readable picture", "Bake again")
     image.use_half_precision = recipe.format not in ("logluv", "png16")
@@ -70,6 +75,11 @@ def load_page(path: Path, page: int, token: str, recipe: Recipe, *, pack: bool) 
     except ValueError:  # on another drive than the .blend
         image.filepath = str(path.resolve())
     return image
+
+
+def page_name(page: int, group: str | None) -> str:
+    """What the image of a page is called, or of one light group's share of it."""
+    return f"Radiosity {page + 1}" + (f" {group or 'No Group'}" if group is not None else "")
 
 
 def colorspace_of(recipe: Recipe, names: Sequence[str]) -> str | None:
@@ -116,13 +126,13 @@ def light_of(tree: bpy.types.NodeTree, texture: bpy.types.Node, token: str) -> b
 
 
 def _group(recipe: Recipe, token: str, converted: bool) -> bpy.types.NodeTree:
-    """The node group that decodes the pages of a bake, made once."""
-    name = f"Radiosity Decode {recipe.format}"
+    """The node group that decodes pages of a bake which were written alike, made once."""
+    wanted = json.dumps(recipe.as_dict())
     for group in bpy.data.node_groups:
-        if group.get(BAKE_KEY) == token and group.name.startswith(name):
+        if group.get(BAKE_KEY) == token and group.get(RECIPE_KEY) == wanted:
             return group
-    group = bpy.data.node_groups.new(name, "ShaderNodeTree")
-    group[BAKE_KEY] = token
+    group = bpy.data.node_groups.new(f"Radiosity Decode {recipe.format}", "ShaderNodeTree")
+    group[BAKE_KEY], group[RECIPE_KEY] = token, wanted
     matrix = np.eye(3) if converted or _is_working(recipe) else recipe.space.to(working_space())
     DecodeNodes(group).build(recipe, matrix)
     return group

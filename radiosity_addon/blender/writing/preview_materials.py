@@ -16,6 +16,7 @@ from ..data.names import BACK_UV_MAP, BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY
 from ..looks.materials import DEFAULT_REFLECTANCE, tree_of
 from ..looks.preview_nodes import BLACK, Color, Look, ShaderReader
 from ..looks.surface_inputs import OF_STAND_INS, Asking, Input, ask_attributes, property_of
+from .light_mix import LightMix
 from .page_images import light_of
 
 ENGINES = ("CYCLES", "EEVEE")
@@ -24,14 +25,16 @@ ENGINES = ("CYCLES", "EEVEE")
 class PreviewMaterials:
     """The preview materials of one bake: one for each material and page."""
 
-    def __init__(self, token: str, images: list[bpy.types.Image]) -> None:
+    def __init__(self, token: str, images: list[bpy.types.Image], mix: LightMix | None = None) -> None:
         """Args:
         token: the bake's, which every material and node group gets
         images: of the pages
+        mix: shows the light groups in their place
         """
         self.token = token
         self.images = images
-        self._made: dict[tuple[int, int, bool, int | None, bool], bpy.types.Material] = {}
+        self.mix = mix
+        self._made: dict[tuple[int, int, bool, int | None, bool, str], bpy.types.Material] = {}
         self._groups: dict[int, bpy.types.NodeTree] = {}
 
     def of(
@@ -41,6 +44,7 @@ class PreviewMaterials:
         placed: bool,
         back: int | None = None,
         stand_in: bool = False,
+        group: str = "",
     ) -> bpy.types.Material:
         """The material's copy for a page; for an empty slot one in the grey that Cycles gives it.
 
@@ -48,13 +52,15 @@ class PreviewMaterials:
             placed: for objects that share a uv map, each with a place of its own
             back: page of the backs of a two-sided object
             stand_in: for stand-ins, which have by properties what they can't answer themselves
+            group: light group of what it emits
         """
         tree = tree_of(material) if material is not None else None
         answers = stand_in and tree is not None and bool(_asked_of_stand_ins(tree))
-        key = (0 if material is None else material.session_uid, page, placed, back, answers)
+        shines = group if self.mix is not None else ""
+        key = (0 if material is None else material.session_uid, page, placed, back, answers, shines)
         if key not in self._made:
-            images = self.images[page], None if back is None else self.images[back]
-            self._made[key] = self._make(material, Lightmap(images[0], placed, images[1]), answers)
+            lightmap = Lightmap(self.images, page, placed, back, self.mix, group)
+            self._made[key] = self._make(material, lightmap, answers)
         return self._made[key]
 
     def _make(self, material: bpy.types.Material | None, lightmap: Lightmap, answers: bool) -> bpy.types.Material:
@@ -63,7 +69,7 @@ class PreviewMaterials:
         copy[PREVIEW_KEY] = True
         if material is not None:
             copy[ORIGINAL_MATERIAL_KEY] = material
-        copy.name = f"{'Empty' if material is None else material.name} ({lightmap.image.name})"
+        copy.name = f"{'Empty' if material is None else material.name} ({lightmap.images[lightmap.page].name})"
         copy.use_fake_user = False
         copy.asset_clear()
         if answers:
@@ -99,14 +105,20 @@ class Lightmap:
     """Where a material finds its light.
 
     Attributes:
-        image: the page
+        images: of all pages
+        page: index of its page
         placed: the uv map is shared, the object knows its place
-        back: the page of the backs of a two-sided object
+        back: index of the page of the backs of a two-sided object
+        mix: shows the light groups in place of the pages' images
+        group: light group of what the material emits
     """
 
-    image: bpy.types.Image
+    images: list[bpy.types.Image]
+    page: int
     placed: bool
-    back: bpy.types.Image | None = None
+    back: int | None = None
+    mix: LightMix | None = None
+    group: str = ""
 
 
 def _show(material: bpy.types.Material, empty: bool, lightmap: Lightmap, token: str) -> bool:
@@ -131,7 +143,7 @@ def _show(material: bpy.types.Material, empty: bool, lightmap: Lightmap, token: 
 
 def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, lightmap: Lightmap) -> None:
     """Link an output's surface to albedo x lightmap + emission, and to what passes through."""
-    radiance = reader.add(reader.multiply(look.albedo, _light(reader, lightmap)), look.emission)
+    radiance = reader.add(reader.multiply(look.albedo, _light(reader, lightmap)), _emitted(reader, look, lightmap))
     emission = reader.node("ShaderNodeEmission")
     reader.feed(radiance, emission.inputs["Color"])
     shader = emission.outputs[0]
@@ -144,21 +156,30 @@ def _emit(reader: ShaderReader, look: Look, end: bpy.types.Node, lightmap: Light
     reader.tree.links.new(shader, end.inputs["Surface"])
 
 
+def _emitted(reader: ShaderReader, look: Look, lightmap: Lightmap) -> Color:
+    """What a surface shines by itself, as its light group is mixed."""
+    if lightmap.mix is None or look.emission == BLACK:
+        return look.emission
+    return reader.multiply(look.emission, lightmap.mix.color(reader, lightmap.group))
+
+
 def _light(reader: ShaderReader, lightmap: Lightmap) -> Color:
-    front = _page(reader, lightmap.image, UV_MAP, lightmap.placed)
+    front = _page(reader, lightmap, lightmap.page, UV_MAP, lightmap.placed)
     if lightmap.back is None:
         return front
     behind = reader.node("ShaderNodeNewGeometry").outputs["Backfacing"]
-    return reader.mix(behind, front, _page(reader, lightmap.back, BACK_UV_MAP, False))
+    return reader.mix(behind, front, _page(reader, lightmap, lightmap.back, BACK_UV_MAP, False))
 
 
-def _page(reader: ShaderReader, image: bpy.types.Image, uv_map: str, placed: bool) -> bpy.types.NodeSocket:
+def _page(reader: ShaderReader, lightmap: Lightmap, page: int, uv_map: str, placed: bool) -> bpy.types.NodeSocket:
     """The light that a page holds where a uv map says."""
-    uv, texture = reader.node("ShaderNodeUVMap"), reader.node("ShaderNodeTexImage")
+    uv = reader.node("ShaderNodeUVMap")
     uv.uv_map = uv_map
-    texture.image = image
-    texture.extension = "EXTEND"
     where = _placed(reader, uv.outputs["UV"]) if placed else uv.outputs["UV"]
+    if lightmap.mix is not None:
+        return lightmap.mix.light(reader, page, where)
+    texture = reader.node("ShaderNodeTexImage")
+    texture.image, texture.extension = lightmap.images[page], "EXTEND"
     reader.tree.links.new(where, texture.inputs["Vector"])
     return light_of(reader.tree, texture, reader.token)
 

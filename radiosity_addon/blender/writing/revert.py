@@ -49,6 +49,8 @@ def take_out(token: str) -> None:
             _restore_mesh(mesh)
     for image in of_bake(bpy.data.images, token):
         bpy.data.images.remove(image)
+    for scene in of_bake(bpy.data.scenes, token):
+        scene.property_unset("radiosity_mix")
     for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.scenes):
         for datablock in of_bake(kind, token):
             for key in KEYS:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,12 +21,14 @@ from ...arrays import Float32, Int32
 from ...errors import SceneError
 from ...geometry.sides import TURNED, backs_of
 from ...pages.page_format import Recipe
+from ...scene import Mesh, Scene
 from ..data.evaluation import at_render_settings
 from ..data.instances import Key
 from ..data.names import (
     BACK_PAGE_KEY,
     BACK_UV_MAP,
     BAKE_KEY,
+    GROUP_KEY,
     PAGE_KEY,
     PLACE_KEY,
     SLOT_KEY,
@@ -41,6 +43,7 @@ from ..data.working_space import working_space
 from ..looks.surface_inputs import OF_STAND_INS, property_of
 from ..reading.extraction import Extraction, Source
 from .instance_stand_ins import Replacement, replace_instancers
+from .light_mix import load_mix, sliders_of
 from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
@@ -61,6 +64,7 @@ class _Place:
         uv: (L, 2) float32, by loop of the evaluated mesh, up to the last loop used
         place: where the object lies that shares its uv map, as (scale, u, v); None where the map says it all
         back: page and uv (L, 2), as `uv`, of the backs of a two-sided object
+        group: light group of what it emits
         target: the object that will carry the uv map: the source itself, or its stand-in once that is made
         instances: the source shows instances of other objects that stay
     """
@@ -73,6 +77,7 @@ class _Place:
     uv: Float32
     place: tuple[float, float, float] | None
     back: tuple[int, Float32] | None = None
+    group: str = ""
     target: bpy.types.Object | None = None
     instances: bool = False
 
@@ -106,6 +111,7 @@ def write_back(
     recipe: Recipe | None = None,
     mode: Literal["preview", "uv"] = "preview",
     pack: bool = False,
+    apart: Mapping[str, tuple[Sequence[Path], Recipe]] | None = None,
 ) -> Generator[None, None, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
     """Put a bake into the .blend, in place of an earlier one of the same scene, in steps.
 
@@ -119,6 +125,8 @@ def write_back(
         recipe: how to read them; by default they are EXR files in the working space
         mode: "preview" gives baked objects material copies that show the lightmap; "uv" leaves materials alone
         pack: keep the pages inside the .blend, for files that will not stay; an unsaved .blend always does
+        apart: by name of the light group, files of its light alone and how to read them: they are shown in place of
+            the pages, and can be mixed anew
 
     Returns:
         For the report: a row for each baked object ("source", "object", "page", "density" in texels per metre; where
@@ -130,7 +138,7 @@ def write_back(
         OutputError: a page can't be read; the scene is as it was
     """
     leave_edit_mode(scene)
-    before = scene.get(BAKE_KEY)
+    before, sliders = scene.get(BAKE_KEY), sliders_of(scene)
     places = _find_places(extraction, atlas, before)
     token = uuid.uuid4().hex
     try:
@@ -139,18 +147,21 @@ def write_back(
         for page, path in enumerate(files):
             images.append(load_page(path, page, token, recipe, pack=pack))
             yield
+        mix = (yield from load_mix(apart, token, pack=pack)) if apart and mode == "preview" else None
         replacements = _make_stand_ins(scene, places, extraction, token)
         yield
-        previews = PreviewMaterials(token, images)
+        previews = PreviewMaterials(token, images, mix)
         if mode == "preview" and not before:  # what is made while an earlier bake is there has to take other names
             for place in places:
                 _make_previews(place, previews)
                 yield
         if before:
-            images = _replace_images(images, before)
+            _replace_images([*images, *(mix.images if mix else ())], before)
             take_out(before)
         scene[BAKE_KEY] = token
         _switch(places, replacements, previews, mode, token)
+        if mix is not None:
+            mix.connect(scene, sliders)
     except BaseException:
         take_out(token)
         raise
@@ -185,7 +196,8 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> li
         other = backs.get(index)
         back = (int(atlas.page[other]), _by_corner(mesh.corner[:, TURNED], atlas.uv[other])) if other else None
         common = ("mesh", index) if place is None else ("shape", mesh.shape)
-        places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place, back))
+        group = _group_of(mesh, extraction.scene)
+        places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place, back, group))
         if source.instancer:
             continue
         check_can_carry(thing)
@@ -197,6 +209,12 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> li
         for place in users:
             place.target = place.source if place.common == most else None
     return places
+
+
+def _group_of(mesh: Mesh, scene: Scene) -> str:
+    """The light group of what a mesh emits: an object is in one, with all its materials."""
+    materials = mesh.material[:1].tolist()
+    return scene.groups[scene.materials[materials[0]].group] if materials and scene.materials else ""
 
 
 def _by_corner(corner: Int32, uv: Float32) -> Float32:
@@ -211,17 +229,21 @@ def _check_corners(thing: bpy.types.Object, mesh: bpy.types.Mesh, uv: Float32) -
         raise SceneError(thing.name, "its mesh was changed during the bake", "Bake again")
 
 
-def _replace_images(images: list[bpy.types.Image], before: str) -> list[bpy.types.Image]:
+def _replace_images(images: list[bpy.types.Image], before: str) -> None:
     """Put new images where the earlier bake's are used, under their names."""
-    old = {image[PAGE_KEY]: image for image in bpy.data.images if image.get(BAKE_KEY) == before}
+    old = {_what(image): image for image in bpy.data.images if image.get(BAKE_KEY) == before and PAGE_KEY in image}
     for image in images:
-        earlier = old.get(image[PAGE_KEY])
+        earlier = old.get(_what(image))
         if earlier is not None:
             name = earlier.name
             earlier.user_remap(image)
             bpy.data.images.remove(earlier)
             image.name = name
-    return images
+
+
+def _what(image: bpy.types.Image) -> tuple[int, str | None]:
+    """What an image holds: the page, and the light group if it is one's alone."""
+    return image[PAGE_KEY], image.get(GROUP_KEY)
 
 
 def _make_stand_ins(
@@ -332,7 +354,7 @@ def _make_previews(place: _Place, previews: PreviewMaterials) -> None:
     slots = place.target.material_slots
     for material in [slot.material for slot in slots] if slots else [None]:
         back = place.back and place.back[0]
-        previews.of(material, place.page, place.place is not None, back, not place.own_mesh)
+        previews.of(material, place.page, place.place is not None, back, not place.own_mesh, place.group)
 
 
 def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None:
@@ -349,6 +371,8 @@ def _show_preview(place: _Place, previews: PreviewMaterials, token: str) -> None
             slot.link = "OBJECT"
             before[str(index)] = {"link": link} | ({"material": slot.material} if slot.material else {})
         back = place.back and place.back[0]
-        slot.material = previews.of(material, place.page, place.place is not None, back, not place.own_mesh)
+        slot.material = previews.of(
+            material, place.page, place.place is not None, back, not place.own_mesh, place.group
+        )
     if shared and place.own_mesh:
         thing[BAKE_KEY], thing[SLOTS_KEY] = token, before
