@@ -112,5 +112,5 @@ def while_aside(steps: Generator[S, None, T], work: Generator[object, None, U]) 
         result = yield from steps
         return result, aside.outcome.result()
     finally:
-        aside.stop()
         steps.close()
+        aside.stop()

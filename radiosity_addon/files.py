@@ -14,8 +14,11 @@ import re
 import shutil
 import socket
 import sys
+import threading
 import zlib
 from collections.abc import Sequence
+from concurrent.futures import CancelledError
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -35,7 +38,8 @@ class Transaction:
     """A set of files written under temporary names, put in place one by one, and taken back unless committed.
 
     Use it as a context manager. Leaving it without `commit()`, by an error or not, brings back every file that was
-    there before and removes the folders it made.
+    there before and removes the folders it made. A thread that still writes then, for a bake that was cancelled, is
+    turned away when its file is done, and that file goes too.
     """
 
     def __init__(self) -> None:
@@ -43,6 +47,8 @@ class Transaction:
         self._backup: dict[Path, Path | None] = {}
         self._folders: list[Path] = []
         self._locks: list[_FolderLock] = []
+        self._left = False
+        self._placing = threading.Lock()
 
     def __enter__(self) -> Transaction:
         return self
@@ -50,8 +56,11 @@ class Transaction:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        with self._placing:
+            self._left = True
         for temporary in self._temporary.values():
-            temporary.unlink(missing_ok=True)
+            with suppress(PermissionError):  # on Windows, while a thread writes it, who will remove it
+                temporary.unlink(missing_ok=True)
         for target, backup in reversed(self._backup.items()):
             if backup is None:
                 target.unlink(missing_ok=True)
@@ -88,21 +97,37 @@ class Transaction:
         self._locks.append(_FolderLock(folder))
 
     def begin(self, target: Path) -> Path:
-        """The temporary path, beside the target and with its suffix, to write a file to."""
+        """The temporary path, beside the target and with its suffix, to write a file to.
+
+        Raises:
+            OutputError: a folder has this name
+            CancelledError: the transaction was left
+        """
+        if self._left:
+            raise CancelledError
         if target.is_dir():
             raise OutputError(str(target), "a folder has this name", "Choose another file name")
         self._temporary[target] = _temporary_name(target.parent, target.suffix)
         return self._temporary[target]
 
     def place(self, target: Path) -> None:
-        """Move the finished temporary file to its target; the old file is kept aside until `commit()`."""
+        """Move the finished temporary file to its target; the old file is kept aside until `commit()`.
+
+        Raises:
+            OutputError: it can't be moved
+            CancelledError: the transaction was left
+        """
         temporary = self._temporary[target]
         try:
             with temporary.open("r+b") as file:
                 os.fsync(file.fileno())
-            if target not in self._backup:
-                self._backup[target] = _keep(target)
-            os.replace(temporary, target)
+            with self._placing:
+                if self._left:
+                    temporary.unlink(missing_ok=True)
+                    raise CancelledError
+                if target not in self._backup:
+                    self._backup[target] = _keep(target)
+                os.replace(temporary, target)
         except OSError as error:
             raise _output_error(target, error) from error
         del self._temporary[target]

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
 
 import numpy as np
@@ -255,3 +256,15 @@ def test_names_that_file_systems_refuse_are_made_safe_and_stay_apart() -> None:
 
 def test_pages_are_numbered_from_one(tmp_path: Path) -> None:
     assert [path.name for path in page_paths(tmp_path, "room", 2)] == ["room_radiosity_1.exr", "room_radiosity_2.exr"]
+
+
+def test_a_file_that_is_being_written_when_its_transaction_is_left_goes_when_it_is_done(tmp_path):
+    target = tmp_path / "page.bin"
+    with Transaction() as files:
+        temporary = files.begin(target)
+    temporary.write_bytes(b"by a thread that has not noticed")
+    with pytest.raises(CancelledError):
+        files.place(target)
+    with pytest.raises(CancelledError):
+        files.begin(target)
+    assert list(tmp_path.iterdir()) == []

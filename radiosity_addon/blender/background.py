@@ -17,7 +17,7 @@ from ..stages import Progress
 P = ParamSpec("P")
 T = TypeVar("T")
 
-LONGEST_WAIT = 0.5
+LONGEST_WAIT = 0.2
 """Seconds that a cancelled bake is waited for: it ends after the step that it is in, and cleans up by itself."""
 
 

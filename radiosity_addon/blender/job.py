@@ -102,7 +102,7 @@ def bake_scene(
     start = time.perf_counter()
     scene_name = scene.name
     with ExitStack() as stack:
-        folder = job.folder or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="radiosity-")))
+        folder = job.folder or Path(stack.enter_context(_folder_to_pack()))
         files.make_folder(folder)
         files.lock(folder)
         reading = Progress("Read scene", 0.0)
@@ -122,7 +122,7 @@ def bake_scene(
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)
         writing = _written(last, job, folder, paths, baked, extraction.scene.working_space, files)
-        written, apart, seen, maps = yield from writing if seat is None else in_thread(writing, last, wait=None)
+        written, apart, seen, maps = yield from writing if seat is None else in_thread(writing, last)
         on_disk = time.perf_counter()
         last = replace(last, stage="Write back")
         yield last
@@ -213,6 +213,11 @@ def _written(
     if not job.looked_at:
         return written, apart, None, maps
     return written, apart, overview(baked.pages, baked.elements, paths, written, wanted, working, workers), maps
+
+
+def _folder_to_pack() -> tempfile.TemporaryDirectory[str]:
+    """For pages that go into the .blend; of a bake that is cancelled a thread may still be writing there."""
+    return tempfile.TemporaryDirectory(prefix="radiosity-", ignore_cleanup_errors=True)
 
 
 def _as_part_of(progress: Progress, steps: Generator[object, None, T]) -> Generator[Progress, None, T]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,7 @@ import bpy
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 TICK_SECONDS = 0.05
+WATCH_SECONDS = 0.005
 OPERATOR_COLOR = (0x54 / 255, 0x57 / 255, 0x54 / 255, 1.0)
 """Of buttons that call operators. The theme has three steps less green, which no eye tells apart."""
 PROGRESS_COLOR = (0x47 / 255, 0x75 / 255, 0xB3 / 255, 1.0)
@@ -28,6 +30,8 @@ PROGRESS_COLOR = (0x47 / 255, 0x75 / 255, 0xB3 / 255, 1.0)
 PLACES = {"sidebar": ("VIEW_3D", "UI"), "view": ("VIEW_3D", "WINDOW"), "properties": ("PROPERTIES", "WINDOW")}
 
 answered = 0
+noted: dict[str, float] = {}
+kept: list[dict[str, Any]] = []
 
 
 def arrange(tab: str) -> bool:
@@ -81,6 +85,44 @@ def state() -> dict[str, Any]:
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],
     }
+
+
+def watch() -> None:
+    """From now on, note when each stage of the next bake is seen first, and when the bake is over; see `seen`."""
+    noted.clear()
+    (module,) = (
+        each for name, each in sys.modules.items() if name.endswith("radiosity_addon.blender.interface.running")
+    )
+
+    def look() -> float | None:
+        progress = module.Running.progress
+        if progress is not None:
+            noted.setdefault(progress.stage, time.monotonic())
+        elif noted:
+            noted["ended"] = time.monotonic()
+            return None
+        return WATCH_SECONDS
+
+    bpy.app.timers.register(look)
+
+
+def seen() -> dict[str, float]:
+    """By stage, when it was seen first since `watch`, and "ended"; seconds of a clock that all programs share."""
+    return noted
+
+
+def remember() -> None:
+    """Keep all datablocks as they are, for `changed`."""
+    from datablocks import snapshot
+
+    kept.append(snapshot())
+
+
+def changed() -> list[str]:
+    """Where the file differs from what was kept, datablock by datablock."""
+    from datablocks import differences, snapshot
+
+    return differences(kept[-1], snapshot())
 
 
 def redraw() -> None:
@@ -149,7 +191,23 @@ def region(name: str) -> bpy.types.Region:
 
 
 CALLS: dict[str, Callable[..., Any]] = {
-    call.__name__: call for call in (arrange, look, tutorial, state, redraw, place, hovered, choose, save, compare)
+    call.__name__: call
+    for call in (
+        arrange,
+        look,
+        tutorial,
+        state,
+        watch,
+        seen,
+        remember,
+        changed,
+        redraw,
+        place,
+        hovered,
+        choose,
+        save,
+        compare,
+    )
 }
 
 
