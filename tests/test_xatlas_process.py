@@ -77,6 +77,24 @@ def test_a_mesh_that_crashes_xatlas_does_not_take_the_others_with_it(monkeypatch
     assert_sound(atlas, meshes, gap=2)
 
 
+def test_a_child_stuck_between_two_meshes_costs_neither_its_charts(monkeypatch, tmp_path):
+    """xatlas may wait for ever when an atlas is destroyed."""
+    meshes = [make_box("a"), make_bevelled_box("b"), make_sphere("c")]
+    undisturbed = atlas_of(meshes, page_size=256)
+    worker = tmp_path / "worker.py"
+    text = xatlas_process.WORKER.read_text(encoding="utf-8")
+    stuck = (
+        "            del atlas\n            if job == 0:\n                import time\n                time.sleep(60)\n"
+    )
+    worker.write_text(text.replace("            del atlas\n", stuck))
+    monkeypatch.setattr(xatlas_process, "WORKER", worker)
+    monkeypatch.setattr(xatlas_process, "PAUSE_SECONDS", 0.2)
+    atlas = atlas_of(meshes, page_size=256)
+    assert not atlas.warnings
+    for found, wanted in zip(atlas.uv, undisturbed.uv, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
 def test_a_missing_xatlas_is_a_clear_error(monkeypatch, tmp_path):
     worker = tmp_path / "worker.py"
     worker.write_text("import sys; sys.stderr.write('No module named xatlas'); sys.exit(3)")

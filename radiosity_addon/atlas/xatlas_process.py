@@ -25,7 +25,10 @@ RADIUS = 1000.0
 POLL_SECONDS = 0.01
 DEADLINE_SECONDS = 60.0
 DEADLINE_PER_TRIANGLE = 1e-4
-"""An emergency only; what is known to be slow doesn't come here. It depends on the machine's load."""
+"""Of one job. An emergency only; what is known to be slow doesn't come here. It depends on the machine's load."""
+
+PAUSE_SECONDS = 3.0
+"""Most between two jobs. A child that takes longer is stuck, not slow; the next one goes on where it was."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,42 +64,46 @@ def cut_into_charts(jobs: list[Job]) -> Generator[float, None, list[Cut | None]]
         source, output = Path(folder, "jobs.npz"), Path(folder, "charts.bin")
         _write_jobs(source, jobs)
         output.touch()
-        ends = np.cumsum(counts) * RECORD_BYTES
+        ends = np.cumsum(counts + 1) * RECORD_BYTES
         start = 0
         while start < len(jobs):
             child = _start(source, output, start, Path(folder, "messages.txt"))
             try:
-                finished = yield from _watch(child, output, ends, counts, start)
+                finished, begun = yield from _watch(child, output, ends, counts, start)
             finally:
                 child.kill()
                 child.wait()
             if child.returncode == CANNOT_LOAD:
                 raise _missing(Path(folder, "messages.txt").read_text(errors="replace").strip())
+            if finished < len(jobs) and (begun or finished == start):  # a gap for the job that failed
+                failed.add(finished)
+                finished += 1
             start = finished
-            if start < len(jobs):  # leave a gap for the job that failed, go on with the next
-                failed.add(start)
-                with output.open("r+b") as file:
-                    file.truncate(int(ends[start]))
-                start += 1
+            with output.open("r+b") as file:
+                file.truncate(int(ends[start - 1]))
         records = np.fromfile(output, dtype=[("uv", "<f4", (3, 2)), ("chart", "<i4")])
-    parts = np.split(records, np.cumsum(counts)[:-1]) if jobs else []
+    parts = [part[1:] for part in np.split(records, np.cumsum(counts + 1)[:-1])] if jobs else []
     return [None if i in failed else (part["uv"].copy(), part["chart"].copy()) for i, part in enumerate(parts)]
 
 
 def _watch(
     child: subprocess.Popen[bytes], output: Path, ends: Int64, counts: Int64, start: int
-) -> Generator[float, None, int]:
-    """Waits for the child and returns how many jobs are finished."""
-    finished, since = start, time.monotonic()
+) -> Generator[float, None, tuple[int, bool]]:
+    """Waits for the child and returns how many jobs are finished, and whether the next one was begun."""
+    seen, since = (start, False), time.monotonic()
     while True:
         running = child.poll() is None
-        now_finished = int(np.searchsorted(ends, output.stat().st_size, side="right"))
-        if now_finished > finished:
-            finished, since = now_finished, time.monotonic()
+        written = output.stat().st_size
+        finished = int(np.searchsorted(ends, written, side="right"))
+        begun = written > (ends[finished - 1] if finished else 0)
+        if (finished, begun) != seen:
+            seen, since = (finished, begun), time.monotonic()
         if not running or finished == len(counts):
-            return finished
-        if time.monotonic() - since > DEADLINE_SECONDS + DEADLINE_PER_TRIANGLE * counts[finished]:
-            return finished
+            return finished, begun
+        between = finished > start and not begun
+        deadline = PAUSE_SECONDS if between else DEADLINE_SECONDS + DEADLINE_PER_TRIANGLE * counts[finished]
+        if time.monotonic() - since > deadline:
+            return finished, begun
         yield float(finished / len(counts))
         time.sleep(POLL_SECONDS)
 

@@ -2,9 +2,13 @@
 """The child process that runs xatlas, which holds the GIL, may hang and may crash.
 
 Started by path (`python xatlas_worker.py JOBS.npz OUTPUT FIRST SITE...`), so it knows nothing of the package; the
-folders of NumPy and xatlas are handed over. JOBS holds the meshes one after the other. After each job its charts are
-appended to OUTPUT as F records of RECORD_BYTES: six float32 uv, one int32 chart (-1: xatlas dropped the triangle), so
-that the file's length tells how far the child is and what is written survives when it is killed.
+folders of NumPy and xatlas are handed over. JOBS holds the meshes one after the other. OUTPUT grows by records of
+RECORD_BYTES: an empty one when a job begins, then its charts as F of six float32 uv and one int32 chart (-1: xatlas
+dropped the triangle). So the file's length tells how far the child is, and what is written survives when it is killed.
+
+Between two jobs an atlas is destroyed, which once in some hundred thousand times waits for ever: xatlas tells its
+threads to end without holding their locks, and one that is just about to sleep misses that. Whoever watches sees a job
+finished and none begun.
 """
 
 import sys
@@ -34,6 +38,8 @@ def main(arguments: list[str]) -> int:
         for job in range(int(first), len(max_area)):
             points = positions[vertex_first[job] : vertex_first[job + 1]]
             corners = triangles[triangle_first[job] : triangle_first[job + 1]]
+            output.write(bytes(RECORD_BYTES))
+            output.flush()
             atlas = xatlas.Atlas()
             atlas.add_mesh(points, corners)
             cutting = xatlas.ChartOptions()
@@ -53,6 +59,7 @@ def main(arguments: list[str]) -> int:
                 records["chart"] = np.where(whole, chart[indices][:, 0].astype(np.int32), -1)
             output.write(records.tobytes())
             output.flush()
+            del atlas
     return 0
 
 
