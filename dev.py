@@ -16,7 +16,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
@@ -24,6 +26,8 @@ PYTHONS = ("3.13", "3.11")
 """CPython versions that bpy is published for, the preferred one first: Blender 5.2 LTS and 4.5 LTS run on them."""
 STEP_LIMIT = 20 * 60
 """Seconds after which a step of the tests, such as pytest on one Python, is taken to hang."""
+DESKTOP = "tests/desktop"
+"""These tests measure how long a window stands still: nothing else runs beside them."""
 BUNDLED = ("embreex", "OpenImageIO", "xatlas")
 """Packages that the extension brings along; numpy is Blender's own."""
 WHEEL_TAGS = {
@@ -100,7 +104,7 @@ def sample(scene: Path) -> int:
 
 
 def test(version: str | None, pytest_arguments: list[str]) -> int:
-    """Format, lint and types once, then pytest on every Python; 0 if all passed."""
+    """Run pytest on every Python beside format, lint and types, then the desktop tests alone; 0 if all passed."""
     pythons: dict[str, Path] = {}
     missing: list[str] = []
     for wanted in [version] if version else PYTHONS:
@@ -114,27 +118,50 @@ def test(version: str | None, pytest_arguments: list[str]) -> int:
 
     first = next(iter(pythons.values()))
     steps: dict[str, list[object]] = {
-        "ruff format": [first, "-m", "ruff", "format", "--check", "."],
-        "ruff check": [first, "-m", "ruff", "check", "."],
-        "mypy": [first, "-m", "mypy"],
+        f"pytest on Python {wanted}": [python, "-m", "pytest", *(pytest_arguments or [f"--ignore={DESKTOP}"])]
+        for wanted, python in pythons.items()
     }
-    for wanted, python in pythons.items():
-        steps[f"pytest on Python {wanted}"] = [python, "-m", "pytest", *pytest_arguments]
+    steps["ruff format"] = [first, "-m", "ruff", "format", "--check", "."]
+    steps["ruff check"] = [first, "-m", "ruff", "check", "."]
+    steps["mypy"] = [first, "-m", "mypy"]
+    results = side_by_side(steps)
+    for wanted, python in pythons.items() if not pytest_arguments else []:
+        results |= side_by_side({f"{DESKTOP} on Python {wanted}": [python, "-m", "pytest", DESKTOP]})
 
-    failed = False
     verdicts = []
-    for name, command in steps.items():
-        start = time.monotonic()
-        code = call(command, limit=STEP_LIMIT)
-        verdict = "passed" if code == 0 else f"FAILED with exit code {code}"
-        verdicts.append(f"{name}: {verdict}, {time.monotonic() - start:.0f} s")
-        failed |= code != 0
+    for name, (code, seconds) in results.items():
+        verdicts.append(f"{name}: {'passed' if code == 0 else f'FAILED with exit code {code}'}, {seconds:.0f} s")
+    failed = any(code != 0 for code, _ in results.values())
     in_ci = os.environ.get("CI", "").lower() in ("1", "true", "yes")
     for wanted in missing:
         verdicts.append(f"pytest on Python {wanted}: {'FAILED' if in_ci else 'skipped'}, no CPython {wanted} found")
         failed |= in_ci
     print("", *verdicts, sep="\n")
     return int(failed)
+
+
+def side_by_side(steps: Mapping[str, list[object]]) -> dict[str, tuple[int, float]]:
+    """Run steps at once: exit code and seconds of each.
+
+    The first one shows at once what it has to say, the others when all have ended.
+    """
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(len(steps)) as pool:
+        runs, logs = {}, {}
+        for number, (name, command) in enumerate(steps.items()):
+            logs[name] = Path(folder, f"{number}.log") if number else None
+            runs[name] = pool.submit(timed, command, logs[name])
+        results = {name: run.result() for name, run in runs.items()}
+        for name, log in logs.items():
+            if log is not None and log.is_file():
+                print(f"\n{name}:", log.read_text(encoding="utf-8", errors="replace").rstrip(), sep="\n", flush=True)
+    return results
+
+
+def timed(command: list[object], log: Path | None) -> tuple[int, float]:
+    """Exit code and seconds of a step of the tests, what it says written to `log` where one is given."""
+    start = time.monotonic()
+    code = call(command, limit=STEP_LIMIT, log=log)
+    return code, time.monotonic() - start
 
 
 def bench(name: str, arguments: list[str]) -> int:
@@ -287,16 +314,23 @@ def output_of(command: list[str]) -> str:
     return done.stdout.strip()
 
 
-def call(command: Sequence[object], limit: float | None = None, shown: bool = True) -> int:
-    """Run a command from the root, its output going where ours goes; its exit code, 124 after `limit` seconds."""
+def call(command: Sequence[object], limit: float | None = None, shown: bool = True, log: Path | None = None) -> int:
+    """Run a command from the root, its output going to `log` or where ours goes.
+
+    Its exit code, 124 after `limit` seconds.
+    """
     words = [str(word) for word in command]
     if shown:
         print("$", " ".join(words).replace(str(ROOT) + os.sep, ""), flush=True)
-    try:
-        return subprocess.run(words, cwd=ROOT, timeout=limit, check=False).returncode
-    except subprocess.TimeoutExpired:
-        print(f"dev.py: stopped after {limit:.0f} s", flush=True)
-        return 124
+    with open(log, "wb") if log else nullcontext() as file:
+        try:
+            done = subprocess.run(
+                words, cwd=ROOT, timeout=limit, check=False, stdout=file, stderr=file and subprocess.STDOUT
+            )
+        except subprocess.TimeoutExpired:
+            print(f"dev.py: stopped after {limit:.0f} s: {' '.join(words)}", flush=True)
+            return 124
+    return done.returncode
 
 
 if __name__ == "__main__":

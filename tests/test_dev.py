@@ -21,7 +21,7 @@ class Steps:
         self.codes = codes
         self.ran: list[str] = []
 
-    def __call__(self, command: Sequence[object], limit: float | None = None) -> int:
+    def __call__(self, command: Sequence[object], limit: float | None = None, log: Path | None = None) -> int:
         words = " ".join(str(word) for word in command)
         self.ran.append(words)
         return next((code for text, code in self.codes.items() if text in words), 0)
@@ -31,13 +31,15 @@ class Steps:
 def run_tests(monkeypatch: pytest.MonkeyPatch):
     """`dev.test` with these Pythons installed and these exit codes, as the pair (exit code, commands)."""
 
-    def run(installed: set[str], codes: dict[str, int], in_ci: bool = False) -> tuple[int, list[str]]:
+    def run(
+        installed: set[str], codes: dict[str, int], in_ci: bool = False, words: Sequence[str] = ("-k", "word")
+    ) -> tuple[int, list[str]]:
         steps = Steps(codes)
         monkeypatch.setattr(dev, "call", steps)
         monkeypatch.setattr(dev, "find_interpreter", lambda version: Path(version) if version in installed else None)
         monkeypatch.setattr(dev, "environment", lambda interpreter: Path(f"python-{interpreter[0]}"))
         monkeypatch.setenv("CI", "true" if in_ci else "")
-        return dev.test(None, ["-k", "word"]), steps.ran
+        return dev.test(None, list(words)), steps.ran
 
     return run
 
@@ -45,10 +47,30 @@ def run_tests(monkeypatch: pytest.MonkeyPatch):
 def test_all_green_is_zero_and_pytest_runs_on_both_with_the_callers_arguments(run_tests) -> None:
     code, ran = run_tests({"3.13", "3.11"}, {})
     assert code == 0
-    assert [line for line in ran if "pytest" in line] == [
-        "python-3.13 -m pytest -k word",
+    assert sorted(line for line in ran if "pytest" in line) == [
         "python-3.11 -m pytest -k word",
+        "python-3.13 -m pytest -k word",
     ]
+
+
+def test_the_desktop_is_tested_last_and_alone(run_tests) -> None:
+    _, ran = run_tests({"3.13", "3.11"}, {}, words=())
+    assert ran[-2:] == ["python-3.13 -m pytest tests/desktop", "python-3.11 -m pytest tests/desktop"]
+    assert sum("--ignore=tests/desktop" in line for line in ran[:-2]) == 2
+
+
+def test_steps_run_side_by_side(tmp_path: Path) -> None:
+    """Each waits for what the other does: one after the other they would never end."""
+    wait = "import pathlib, sys, time\npathlib.Path(sys.argv[1]).touch()\n"
+    wait += "while not pathlib.Path(sys.argv[2]).exists(): time.sleep(0.01)\nsys.exit(int(sys.argv[3]))"
+    a, b = tmp_path / "a", tmp_path / "b"
+    steps = {"one": [sys.executable, "-c", wait, a, b, 0], "other": [sys.executable, "-c", wait, b, a, 7]}
+    assert [code for code, _ in dev.side_by_side(steps).values()] == [0, 7]
+
+
+def test_what_a_step_beside_the_first_says_is_shown_in_the_end(capfd: pytest.CaptureFixture[str]) -> None:
+    dev.side_by_side({"first": [sys.executable, "-c", ""], "lint": [sys.executable, "-c", "print('a fault')"]})
+    assert "\nlint:\na fault\n" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize(
