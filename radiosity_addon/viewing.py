@@ -105,7 +105,7 @@ class LiveLight:
             return
         self._first, self._texels = first, texels
         self._reflectance = look.reflectance
-        self._emission = np.maximum(look.emission, first.emission_at(texels))  # lamps are shown as they shine
+        self._emission = np.maximum(look.emission[:], first.emission_at(texels))  # lamps are shown as they shine
         self._direct, self._indirect = first.at(texels)
         surfaces = texels.surfaces
         page = atlas.page[surfaces.mesh]
@@ -120,7 +120,7 @@ class LiveLight:
         while atlas.page_count * (atlas.size // part) ** 2 > MOST_SHOWN:
             part *= 2
         size = -(-atlas.size // part)
-        count = int(np.searchsorted(texels.pixel, atlas.page_count * atlas.size**2))
+        count = texels.before(atlas.page_count * atlas.size**2)
         number, pixel = np.divmod(texels.pixel[:count], atlas.size**2)
         row, column = np.divmod(pixel, atlas.size)
         self._pixel = (number * size + row // part) * size + column // part

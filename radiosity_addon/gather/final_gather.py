@@ -47,13 +47,11 @@ def final_gather(
     texel_width = float(np.sqrt(extent / max(1, int(np.count_nonzero(lit & (texels.area > 0)))))) or 1.0
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
-    bright = light.radiance(len(light.passes) - 1, patches)
     gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
-    rays = GatherRays(texels, patches, visibility, settings, bright.sum(1), gleams)
+    rays = GatherRays(texels, patches, visibility, settings, light.brightness(patches), gleams)
     points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
     points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
-    del bright
     irradiance = np.zeros((points.count, 0), np.float32)
     for number in range(len(light.passes)):
         table = light.radiance(number, patches, irradiance if number else None, points.cell)
@@ -61,9 +59,10 @@ def final_gather(
         irradiance = yield from scaled(tally.sum(table, workers), low, high)
         if tally.gleams is not None:
             irradiance += tally.gleams * np.repeat(light.passes[number].reflecting, 3)
+        del table
         if gathered is not None:
             gathered(irradiance, points.cell)
-    del table, tally
+    del tally
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)
     return fitted.reshape(texels.count, -1, 3)

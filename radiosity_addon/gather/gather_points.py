@@ -9,6 +9,7 @@ Cells are world-space ones: charts of one surface share them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..chunks import Fractions, scaled
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls, part_cells
+from ..indices import numbers_of
 from ..radiosity.patches import mixed_radix
 
 LEVELS = 7
@@ -56,6 +58,9 @@ LAYER = 0.2
 
 THINNEST = 0.75
 """Layers are not thinner than this many texels."""
+
+BLOCK = 1 << 17
+"""Texels whose cells are found in one go: 4 MB of places and normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +103,33 @@ def coarsest_width(wanted: float, texel_width: float) -> float:
     return float(finest * 2.0 ** max(0, round(np.log2(wanted / finest))))
 
 
-def cell_keys(texels: Texels, chosen: Int64, width: float) -> Int64:
+def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
     """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
-    facing = np.rint(texels.shading_normal[chosen] * np.float32(FACINGS)).astype(np.int64)
-    cell = np.floor(texels.position[chosen] / np.float32(width)).astype(np.int64)
-    return mixed_radix(texels.surfaces.component[texels.triangle[chosen, 0]], *facing.T, *cell.T)
+    blocks = [chosen[start : start + BLOCK] for start in range(0, len(chosen), BLOCK)]
+    component = texels.surfaces.component
+
+    def names(part: Int32, facing: Float32, place: Float32) -> Int64:
+        """(7, R) whole numbers that are alike within a cell."""
+        turned, cube = np.rint(facing * np.float32(FACINGS)), np.floor(place / np.float32(width))
+        return np.concatenate([part[None], turned.T, cube.T]).astype(np.int64)
+
+    def of(block: Int64 | Int32) -> tuple[Int32, Float32, Float32]:
+        return component[texels.triangle[block, 0]], texels.shading_normal[block], texels.position[block]
+
+    # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
+    ends = [[each(part, axis=0, keepdims=True) for part in of(block)] for block in blocks for each in (np.min, np.max)]
+    if not ends:
+        return np.zeros(0, np.int64)
+    joined = [np.concatenate(part) for part in zip(*ends, strict=True)]
+    low, high = (names(*(each(part, axis=0, keepdims=True) for part in joined)) for each in (np.min, np.max))
+    keys = np.zeros(len(chosen), np.int64)
+    for number, block in enumerate(blocks):
+        key = keys[number * BLOCK : (number + 1) * BLOCK]
+        for part, least, most in zip(names(*of(block)), low[:, 0], high[:, 0], strict=True):
+            key *= most - least + 1
+            key += part
+            key -= least
+    return keys
 
 
 def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes) -> Fractions[GatherPoints]:
@@ -111,7 +138,7 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
     at_texel = np.full(texels.count, -1, np.int32)
     places: list[Int64] = []
     widths = harmonic = nearest = light = np.zeros(0, np.float32)
-    open_texels = np.flatnonzero(lit)
+    open_texels = numbers_of(lit)
     folded = np.zeros(texels.count, bool)
     for level in range(LEVELS):
         if not len(open_texels):
@@ -125,7 +152,7 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
         fine = np.full(len(new), level >= FINE_LEVEL)
-        fresh = members[begin[new] + size[new] // 2]
+        fresh = members[begin[new] + size[new] // 2].astype(np.int64)
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
         seen = yield from scaled(eyes.look(fresh, fine), level / LEVELS, (level + 1) / LEVELS)
@@ -144,7 +171,9 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         if dark.any():
             asked = np.flatnonzero(np.repeat(dark, size))
             clear = np.zeros(len(members), np.float32)
-            clear[asked] = yield from scaled(eyes.clearance(members[asked]), (level + 1) / LEVELS, (level + 1) / LEVELS)
+            clear[asked] = yield from scaled(
+                eyes.clearance(members[asked].astype(np.int64)), (level + 1) / LEVELS, (level + 1) / LEVELS
+            )
             split &= ~dark | (np.maximum.reduceat(clear, begin) > HIDDEN * width)
         open_texels = np.sort(members[np.repeat(split, size)])
     texel = np.concatenate(places) if places else np.zeros(0, np.int64)
@@ -167,14 +196,28 @@ def part_at_walls(
 class _Cells:
     """C cells: texels `members`, those of cell i from begin[i], size[i] of them; `bent` if their normals differ."""
 
-    members: Int64
+    members: Int32 | Int64
     begin: Int64
     size: Int64
     bent: Bools
 
 
-def _cells(texels: Texels, chosen: Int64, width: float, thickness: float, bend: float) -> _Cells:
+def _cells(texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, bend: float) -> _Cells:
     members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
+    ends = begin + size
+    cuts = np.unique(np.searchsorted(ends, np.arange(0, len(members), BLOCK)))
+    parts = []
+    for first, last in pairwise([*cuts, len(begin)]):
+        own = slice(int(begin[first]), int(ends[last - 1]))
+        parts.append(_layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness, bend))
+    if not parts:
+        return _Cells(members, begin, size, np.zeros(0, bool))
+    size, bent = (np.concatenate([getattr(part, name) for part in parts]) for name in ("size", "bent"))
+    return _Cells(np.concatenate([part.members for part in parts]), np.cumsum(size) - size, size, bent)
+
+
+def _layers(texels: Texels, members: Int32 | Int64, begin: Int64, size: Int64, thickness: float, bend: float) -> _Cells:
+    """Cells as they are given, or parted where they have more than one layer."""
     owner = np.repeat(np.arange(len(begin)), size)
     share = (1 / size[:, None]).astype(np.float32)
     normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
@@ -189,7 +232,9 @@ def _cells(texels: Texels, chosen: Int64, width: float, thickness: float, bend: 
     return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - bend)
 
 
-def _grouped(chosen: Int64, keys: Int64) -> tuple[Int64, Int64, Int64]:
+def _grouped(chosen: Int32 | Int64, keys: Int64) -> tuple[Int32 | Int64, Int64, Int64]:
     order = np.argsort(keys, kind="stable")
-    begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
-    return chosen[order], begin, np.diff(np.append(begin, len(order)))
+    members = chosen[order]
+    np.take(keys, order, out=order)
+    begin = np.flatnonzero(np.concatenate([[True], order[1:] != order[:-1]]))
+    return members, begin, np.diff(np.append(begin, len(order)))

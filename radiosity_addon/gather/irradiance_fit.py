@@ -14,6 +14,7 @@ from ..chunks import Fractions, in_chunks
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import hidden
+from ..indices import numbers_of
 from .gather_points import GatherPoints
 from .neighbours import GROWTH, REACH, Neighbours
 
@@ -46,15 +47,15 @@ def fit_irradiance(
     (1 - d^2 / r^2)^2 (compact support, so no step shows where a point comes in); the plane's value at the texel is
     taken.
     """
-    taking = np.flatnonzero(points.cell >= 0)
-    cell_of = points.cell[taking]
-    order = np.lexsort((cell_of, neighbours.count[cell_of]))  # rows of one chunk are about equally long
-    taking, cell_of = taking[order], cell_of[order]
+    taking = numbers_of(points.cell >= 0)
+    rank = np.empty(points.count, np.int32)  # rows of one chunk are about equally long
+    rank[np.argsort(neighbours.count, kind="stable")] = np.arange(points.count, dtype=np.int32)
+    taking = taking[np.argsort(rank[points.cell[taking]], kind="stable")]
     result: Float32 = np.zeros((texels.count, irradiance.shape[1]), np.float32)
 
     def work(start: int, stop: int) -> None:
         texel = taking[start:stop]
-        cells, row = np.unique(cell_of[start:stop], return_inverse=True)
+        cells, row = np.unique(points.cell[texel], return_inverse=True)
         plane = _Plane(cells, texels, points, neighbours)
         x, y = plane.project(texels.position[texel], row)
         weight, reach = _weights(x, y, plane.width[row])
@@ -156,7 +157,7 @@ def _leave_out_hidden(
     weight: Float32,
     crowded: Int64,
     texels: Texels,
-    texel: Int64,
+    texel: Int32,
     beside: Int64,
     clear: Float32,
     visibility: Visibility,

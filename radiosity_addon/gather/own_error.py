@@ -16,9 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..arrays import Bools, Float32, Float64, Int64
+from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility, passing_chance
@@ -107,16 +106,14 @@ def own_error(
     rays = SHARE * visibility.traced / (2 * len(chosen))
     sent = int(np.clip(rays * (1 - SHADOWS), *GATHER_RAYS))
     points = int(np.clip(rays * SHADOWS / STRATA / max(len(lamps.lamps), 1), *SHADOW_POINTS))
-    shown = _luminance(light.radiance(len(light.passes) - 1, patches, *_at_texels(None if counted else indirect)))
-    returned = np.zeros(len(shown), np.float32)
-    returned[: texels.count] = light.look.reflectance.mean(1)
+    shown = _Shown(light, patches, None if counted else indirect)
     groups = direct.shape[1]
     gleams = None if light.beams is None else Gleams(light.beams, texels, groups)
 
     def work(start: int, stop: int) -> tuple[Float64, Float64]:
         ids = np.tile(chosen[start:stop], 2)
         half = np.repeat(np.arange(2), stop - start)
-        bounced, back = _indirect(texels, patches, ids, half, sent, light, shown, returned, gleams, visibility)
+        bounced, back = _indirect(texels, patches, ids, half, sent, light, shown, gleams, visibility)
         lit = _direct(texels, ids, half, points, lamps, visibility, groups)
         return (bounced + lit).reshape(2, -1), back
 
@@ -161,10 +158,26 @@ def _chosen(texels: Texels, wanted: Bools) -> Int64:
     return chosen
 
 
-def _at_texels(indirect: Float32 | None) -> tuple[Float32 | None, NDArray[np.int32] | None]:
-    if indirect is None:
-        return None, None
-    return indirect.reshape(len(indirect), -1), np.arange(len(indirect), dtype=np.int32)
+class _Shown:
+    """What rays of the check see: the finished light."""
+
+    def __init__(self, light: Illumination, patches: Patches, indirect: Float32 | None) -> None:
+        """Takes the patches' light where `indirect` irradiance (T, G, 3), W/m2, is None."""
+        self._light, self._patches, self._indirect = light, patches, indirect
+        self._last = len(light.passes) - 1
+        self._others = _luminance(light.radiance_of_others(self._last, patches))
+
+    def at(self, element: Int32) -> tuple[Float32, Float32]:
+        """Radiance of elements (R,), W/(m2 sr), all channels and groups alike, and mean reflectance; both (R,)."""
+        count = len(self._light.direct)
+        seen = self._others[np.where(element >= count, element - count, np.minimum(element, -1))]
+        back = np.zeros(len(element), np.float32)
+        ray = np.flatnonzero((element >= 0) & (element < count))
+        texel = element[ray]
+        near = None if self._indirect is None else (np.ones(len(ray), bool), self._indirect[texel])
+        seen[ray] = _luminance(self._light.radiance_of_texels(self._last, self._patches, texel, near))
+        back[ray] = self._light.look.reflectance[texel].mean(1)
+        return seen, back
 
 
 def _luminance(light: Float32) -> Float32:
@@ -180,8 +193,7 @@ def _indirect(
     half: Int64,
     rays: int,
     light: Illumination,
-    shown: Float32,
-    returned: Float32,
+    shown: _Shown,
     gleams: Gleams | None,
     visibility: Visibility,
 ) -> tuple[Float64, Float64]:
@@ -196,7 +208,7 @@ def _indirect(
     if len(light.sky):
         left = np.flatnonzero(element == SKY)
         element[left] = cells(directions[left]) + np.int32(texels.count + patches.count)
-    seen = shown[element]
+    seen, back = shown.at(element)
     if gleams is not None:
         ray, more = gleams.seen(element, directions)
         seen[ray] += _luminance(more * np.repeat(light.passes[-1].reflecting, 3))
@@ -204,7 +216,7 @@ def _indirect(
         seen *= hits.tint.mean(1)
     above = np.einsum("ij,ij->i", directions, texels.normal[texel]) > 0
     seen *= above
-    back = np.where(element >= 0, returned[np.maximum(element, 0)], 0) * above
+    back *= above
     return np.pi * seen.reshape(-1, rays).mean(1, dtype=np.float64), back.reshape(-1, rays).mean(1, dtype=np.float64)
 
 

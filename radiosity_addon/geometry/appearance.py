@@ -12,6 +12,7 @@ from ..atlas.unwrap import Atlas
 from ..chunks import Fractions
 from ..scene import MAX_REFLECTANCE, Scene
 from ..shading import Layout, Quantity, Shader
+from .by_triangle import ByTriangle
 from .opacity import Opacity
 from .surfaces import Surfaces, on_front
 from .texels import Texels
@@ -28,19 +29,21 @@ class Appearance:
         reflectance: (T, 3) float32
         emission: (T, 3) float32, W/(m2 sr)
         group: (T,) int32, light group of the emission
+
+    What is alike all over a triangle is kept once for it.
     """
 
-    reflectance: Float32
-    emission: Float32
-    group: Int32
+    reflectance: Float32 | ByTriangle
+    emission: Float32 | ByTriangle
+    group: ByTriangle
 
     def stopped(self, opacity: Opacity) -> Appearance:
         """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
 
         The pictures of both need not match to the texel: no more is reflected than can be.
         """
-        reflectance = opacity.of_stopped(self.reflectance, MAX_REFLECTANCE)
-        return replace(self, reflectance=reflectance, emission=opacity.of_stopped(self.emission))
+        reflectance = opacity.of_stopped(self.reflectance[:], MAX_REFLECTANCE)
+        return replace(self, reflectance=reflectance, emission=opacity.of_stopped(self.emission[:]))
 
 
 def appearance_of(
@@ -53,12 +56,15 @@ def appearance_of(
         shade: tells what varies; without it everything has its material's constants
     """
     triangle = texels.triangle[:, 0]
-    material = texels.surfaces.material[triangle]
-    values: dict[Quantity, Float32] = {
+    material = texels.surfaces.material
+    constants: dict[Quantity, Float32] = {
         "reflectance": np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
         "emission": np.array([entry.emission for entry in scene.materials], np.float32)[material],
     }
-    values["emission"][sampled[triangle]] = 0
+    constants["emission"][sampled] = 0
+    values: dict[Quantity, Float32 | ByTriangle] = {
+        quantity: ByTriangle(each, triangle) for quantity, each in constants.items()
+    }
     said: tuple[str, ...] = ()
     for done, quantity in enumerate(SHOWN):
         varies = np.array([quantity in entry.varies for entry in scene.materials] or [False])
@@ -76,12 +82,14 @@ def appearance_of(
         colors, warnings = within_physics(
             picture[texels.pixel[chosen]], quantity, triangle[chosen], scene, texels.surfaces
         )
-        values[quantity][chosen] = colors
+        found: Float32 = values[quantity][:]
+        found[chosen] = colors
         front = texels.at(*on_front(texels.surfaces, triangle[behind], texels.barycentric[behind, 0]))
-        values[quantity][behind] = values[quantity][front]
+        found[behind] = found[front]
+        values[quantity] = found
         said += warnings
     group = np.array([entry.group for entry in scene.materials], np.int32)[material]
-    return Appearance(values["reflectance"], values["emission"], group), said
+    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, triangle)), said
 
 
 def within_physics(

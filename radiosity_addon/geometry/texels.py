@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..atlas.unwrap import Atlas
 from ..chunks import Fractions, in_chunks, scaled
+from ..indices import numbers_of
+from .by_triangle import ByTriangle
 from .coverage import ScanLines, beside_charts
 from .surfaces import BLOCK, Surfaces
 
@@ -53,32 +55,31 @@ class Texels:
     Attributes:
         size: texels along an edge of a page
         page_count: pages, hidden ones included
-        pixel: (T,) int64, page * size^2 + row * size + column, row 0 at v = 0
+        pixel: (T,) int32, page * size^2 + row * size + column, row 0 at v = 0; int64 where there are more than 2^31
         texel_at: (page_count * size^2,) int32, the texel of each pixel, -1 for none
         triangle: (T, 4) int32, triangle of each stratum
         barycentric: (T, 4, 2) float32, weights of corners 1 and 2 at each stratum
         covered: (T,) uint8, bit s set if stratum s is covered by the chart and not inside other geometry
         area: (T,) float32, m2, of the covered part; a triangle's texels sum to its area
         position: (T, 3) float32, m, mean over the strata
-        normal: (T, 3) float32, unit geometric normal
         shading_normal: (T, 3) float32, unit
         valid: (T,) bool, takes part in the light; the others are filled from their neighbours
         crossed: (T,) bool, a thin wall stands on or beside it, so that points stay at the strata's centres
         lookup: (6, F) float32, texel coordinates x0, y0, dx/du, dx/dv, dy/du, dy/dv of each triangle
         page: (F,) int32, page of each triangle
         surfaces: the triangles
+        normal: (T, 3) float32, unit geometric normal
     """
 
     size: int
     page_count: int
-    pixel: Int64
+    pixel: Int32 | Int64
     texel_at: Int32
     triangle: Int32
     barycentric: Float32
     covered: NDArray[np.uint8]
     area: Float32
     position: Float32
-    normal: Float32
     shading_normal: Float32
     valid: Bools
     crossed: Bools
@@ -89,6 +90,15 @@ class Texels:
     @property
     def count(self) -> int:
         return len(self.pixel)
+
+    @property
+    def normal(self) -> ByTriangle:
+        return ByTriangle(self.surfaces.normal, self.triangle[:, 0])
+
+    def before(self, pixel: int) -> int:
+        """How many texels come before a pixel."""
+        last = min(pixel, len(self.texel_at))
+        return int(np.searchsorted(self.pixel, self.pixel.dtype.type(last - 1), side="right")) if last > 0 else 0
 
     def points(self, texels: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Int32]:
         """Points on the surface spread over the footprints of texels (R,), and the triangles they lie on.
@@ -183,7 +193,6 @@ class Texels:
             "covered",
             "area",
             "position",
-            "normal",
             "shading_normal",
             "valid",
             "crossed",
@@ -205,7 +214,7 @@ class Texels:
         """Let texels stand in one point, the first stratum of `others`, all (C,): changes these texels."""
         self.triangle[changed] = self.triangle[others, :1]
         self.barycentric[changed] = self.barycentric[others, :1]
-        self.position[changed], self.normal[changed], self.shading_normal[changed] = _means(
+        self.position[changed], self.shading_normal[changed] = _means(
             self.surfaces, self.triangle[changed], self.barycentric[changed]
         )
 
@@ -220,13 +229,11 @@ class Texels:
         self.triangle[changed], self.barycentric[changed], self.covered[changed] = triangle, weights, mask
         self.area[changed] *= (BITS[mask] / np.maximum(BITS[before], 1)).astype(np.float32)
         self.valid[changed] &= (mask > 0) | lonely
-        self.position[changed], self.normal[changed], self.shading_normal[changed] = _means(
-            self.surfaces, triangle, weights
-        )
+        self.position[changed], self.shading_normal[changed] = _means(self.surfaces, triangle, weights)
 
 
-def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[Float32, Float32, Float32]:
-    """Mean position, geometric normal of the first stratum and mean shading normal (T, 3) of texels.
+def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[Float32, Float32]:
+    """Mean position and mean shading normal (T, 3) of texels.
 
     Args:
         triangle: (T, 4)
@@ -235,7 +242,6 @@ def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[F
     first = np.ascontiguousarray(triangle[:, 0])
     weights = (barycentric[:, 0] + barycentric[:, 1] + barycentric[:, 2] + barycentric[:, 3]) * np.float32(0.25)
     position = surfaces.points(first, weights)
-    normal = surfaces.normals(first)
     shading = surfaces.blended_normals(first, weights)
     flat = surfaces.flat[first]
     mixed = np.flatnonzero((triangle[:, 1] != first) | (triangle[:, 2] != first) | (triangle[:, 3] != first))
@@ -247,8 +253,7 @@ def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[F
     length = np.sqrt(np.einsum("ij,ij->i", shading, shading))
     flat |= length < 1e-6
     shading /= np.maximum(length, np.float32(1e-6))[:, None]
-    shading = np.where(flat[:, None], normal, shading)
-    return position, normal, shading
+    return position, np.where(flat[:, None], surfaces.normals(first), shading)
 
 
 def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[Texels]:
@@ -283,7 +288,8 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     texel_at[border.pixel] = 0
     lost = texel_at[tiny_pixel] < 0
     texel_at[tiny_pixel] = 0
-    pixels = np.flatnonzero(texel_at == 0)
+    there = texel_at == 0
+    pixels = numbers_of(there) if len(there) < 1 << 31 else np.flatnonzero(there)
     texel_at[pixels] = np.arange(len(pixels), dtype=np.int32)
 
     count = len(pixels)
@@ -310,7 +316,7 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     per_sample = np.append(surfaces.area / np.maximum(samples, 1), 0)
     area = np.empty(count)
     covered = np.empty(count, np.uint8)
-    position, normal, shading = np.empty((3, count, 3), np.float32)
+    position, shading = (np.empty((count, 3), np.float32) for _ in range(2))
 
     def complete(start: int, stop: int) -> None:
         part = slice(start, stop)
@@ -328,10 +334,10 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
         source = STAND_INS[mask[some]]
         own[some] = np.take_along_axis(own[some], source, axis=1)
         weights[some] = weights[some[:, None], source]
-        position[part], normal[part], shading[part] = _means(surfaces, own, weights)
+        position[part], shading[part] = _means(surfaces, own, weights)
 
     yield from scaled(in_chunks(complete, count, TEXEL_CHUNK, workers), 0.7, 1.0)
-    area += np.bincount(texel_at[tiny_pixel], weights=surfaces.area[tiny], minlength=count)
+    np.add.at(area, texel_at[tiny_pixel], surfaces.area[tiny])
     edges = uv[:, 1:] - uv[:, :1]
     lookup = [uv[:, 0, 0], uv[:, 0, 1], edges[:, 0, 0], edges[:, 1, 0], edges[:, 0, 1], edges[:, 1, 1]]
     return Texels(
@@ -344,7 +350,6 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
         covered=covered,
         area=area.astype(np.float32),
         position=position,
-        normal=normal,
         shading_normal=shading,
         valid=np.ones(count, bool),
         crossed=np.zeros(count, bool),

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays import Bools, Float32, Float64, Int64
+from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..sampling import hash_bits, unit_interval
 
 TINY = np.float32(1e-30)
@@ -122,7 +122,7 @@ def lattice(count: int) -> Float32:
     return np.stack([k / count, k * int(generators(count)[0]) % count / count], axis=1).astype(np.float32)
 
 
-def lattice_generators(ids: Int64, count: int) -> Float32:
+def lattice_generators(ids: Int32 | Int64, count: int) -> Float32:
     """For each id one of the generators of lattices of `count` points, (R,) float32.
 
     Each lattice lies on a few lines, and errs where a shadow's edge runs along them; that neighbours differ makes noise

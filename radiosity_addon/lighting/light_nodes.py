@@ -157,9 +157,10 @@ def _cells(texels: Texels, spacing: float) -> tuple[Float32, Int64]:
     level = np.round(np.log2(np.maximum(spacing * np.sqrt(each), 1e-6))).astype(np.int64)
     triangle = texels.triangle[:, 0]
     width = np.ldexp(np.float32(1), level.astype(np.int32))[triangle].astype(np.float32)
-    facing = np.abs(texels.normal).argmax(1)
+    normal = texels.normal[:]
+    facing = np.abs(normal).argmax(1)
     key = level[triangle] & 31
-    key = key * 8 + 2 * facing + (np.take_along_axis(texels.normal, facing[:, None], axis=1)[:, 0] < 0)
+    key = key * 8 + 2 * facing + (np.take_along_axis(normal, facing[:, None], axis=1)[:, 0] < 0)
     for places in texels.position.T:
         key <<= PLACE_BITS
         key |= np.floor(places / width).astype(np.int64) & ((1 << PLACE_BITS) - 1)

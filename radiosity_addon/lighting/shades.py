@@ -69,7 +69,7 @@ def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fraction
         first, last = band * BAND, min((band + 1) * BAND, size)
         low, high = max(first - reach, 0), min(last + reach, size)
         base = page * size * size
-        ends = np.searchsorted(texels.pixel, [base + row * size for row in (low, first, last, high)])
+        ends = [texels.before(base + row * size) for row in (low, first, last, high)]
         place = texels.pixel[ends[0] : ends[3]] - (base + low * size)
         own = slice(ends[1] - ends[0], ends[2] - ends[0])
         for extreme, none, codes, found in (

@@ -58,7 +58,7 @@ class Receivers:
     def of(cls, texels: Texels, ids: Int64) -> Receivers:
         """The receivers at texels `ids`. Neighbours differ in their samples so that they complement each other."""
         shading, normal = texels.shading_normal[ids], texels.normal[ids]
-        pixel = texels.pixel[ids]
+        pixel = texels.pixel[ids].astype(np.int64)
         return cls(
             ids=ids,
             normals=normals_of(shading, None if np.array_equal(shading, normal) else normal),

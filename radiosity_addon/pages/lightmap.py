@@ -22,7 +22,7 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
         page_count: pages wanted; those after them are hidden ones
     """
     size = texels.size
-    count = int(np.searchsorted(texels.pixel, page_count * size * size))
+    count = texels.before(page_count * size * size)
     pages: Float32 = np.zeros((page_count * size * size, 3), np.float32)
     known = np.zeros(len(pages), bool)
     component = texels.surfaces.component

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import Float32, Float64
 from ..chunks import Fractions
+from ..geometry.by_triangle import ByTriangle
 from ..scene import Scene
 from ..settings import BakeSettings
 from .illumination import Exitance, PatchLight
@@ -47,7 +48,7 @@ def bounce_limits(scene: Scene, settings: BakeSettings) -> tuple[int | None, ...
     return tuple(lower(scene.bounces.get(group)) for group in range(len(scene.groups)))
 
 
-def clamped(irradiance: Float32, reflectance: Float32, limit: float) -> Float32:
+def clamped(irradiance: Float32, reflectance: Float32 | ByTriangle, limit: float) -> Float32:
     """Irradiance (T, G, 3) from lamps, W/m2, dimmed so that what is reflected of it is no brighter than `limit`.
 
     Cycles dims each light sample so, by the mean of its channels. What a lamp that is seen whole brings is such a

@@ -26,10 +26,7 @@ def looking_away(patches: Patches, radiosity: Float64, meshes: Sequence[Mesh]) -
     """
     if not patches.has_backs:
         return ()
-    owner = np.zeros(patches.count, np.int64)
-    mesh = patches.texels.surfaces.mesh[patches.texels.triangle[:, 0]]
-    for patch in (patches.back, patches.of_element[: patches.texels.count]):
-        owner[patch[patch >= 0]] = mesh[patch >= 0]
+    owner = patches.texels.surfaces.mesh[patches.texels.triangle[patches.any_texels(), 0]]
     power = np.maximum(radiosity.sum(1) - patches.emission, 0).sum(1) * patches.area
     behind = np.bincount(owner, power * (patches.sides < 0), minlength=len(meshes))
     whole = np.bincount(owner, power, minlength=len(meshes))

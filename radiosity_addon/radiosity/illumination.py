@@ -20,6 +20,9 @@ from .transport import Transport
 BACK_SAMPLES = 4
 """Points at which the direct light on the back of a patch is taken."""
 
+BLOCK = 1 << 16
+"""Texels whose light is put into a table in one go."""
+
 SPECIAL_ROWS = 3
 """Rows at the end of the radiance table for rays that met no element: BELOW, NOTHING and SKY, found by -3, -2, -1."""
 
@@ -70,11 +73,10 @@ def first_exitance(
     groups: int,
 ) -> Exitance:
     """What each patch sends out before any bounce: own light, and reflected light of lamps and sky."""
-    exitance = patches.mean(direct * look.reflectance[:, None, :])
+    exitance = patches.mean(direct, look.reflectance)
     backs = np.flatnonzero(patches.sides < 0)
     received = np.zeros((len(backs), groups, 3))
-    texel = np.zeros(patches.count, np.int64)
-    texel[patches.back[patches.back >= 0]] = np.flatnonzero(patches.back >= 0)  # any of each back's texels
+    texel = patches.any_texels()
     mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs], 0])
     for sample in range(BACK_SAMPLES):
         points, normals = patches.origins(backs, np.full(len(backs), sample))
@@ -84,12 +86,7 @@ def first_exitance(
     exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]
     own = np.zeros_like(exitance)
-    group = np.zeros(patches.count, np.int32)
-    front = patches.of_element[: patches.texels.count]
-    group[front[front >= 0]] = look.group[front >= 0]
-    back = patches.back
-    group[back[back >= 0]] = look.group[back >= 0]
-    own[np.arange(patches.count), group] = np.maximum(patches.emission, 0)
+    own[np.arange(patches.count), look.group[texel]] = np.maximum(patches.emission, 0)
     return Exitance(own, exitance + own)
 
 
@@ -145,23 +142,57 @@ class Illumination:
             indirect: (P, 3 G) indirect irradiance at gather points, or None to take the patches' everywhere
             at: (T,) gather point of each texel, -1 for none; goes with `indirect`
         """
-        light = self.passes[number]
         count, groups = len(self.direct), self.direct.shape[1]
-        table = np.zeros((count + patches.count + len(self.sky) + SPECIAL_ROWS, groups, 3), np.float32)
-        for start in range(0, count, 1 << 16):
-            part = slice(start, min(start + (1 << 16), count))
-            patch = patches.of_element[part]
-            received = light.irradiance[np.maximum(patch, 0)]
-            if indirect is not None and at is not None:
-                fine = at[part] >= 0
-                received[fine] = indirect[at[part][fine]].reshape(-1, groups, 3)
-            received += self.direct[part]
-            received *= (self.look.reflectance[part] / np.float32(np.pi))[:, None, :]
-            received[patch < 0] = 0
-            received[:, ~light.reflecting] = 0
-            received[np.arange(len(patch)), self.look.group[part]] += self.look.emission[part]
-            table[part] = received
-        table[count : count + patches.count] = light.radiosity / np.float32(np.pi)
-        table[count + patches.count : -SPECIAL_ROWS] = self.sky
+        table = np.empty((count + patches.count + len(self.sky) + SPECIAL_ROWS, 3 * groups), np.float32)
+        for start in range(0, count, BLOCK):
+            part = slice(start, min(start + BLOCK, count))
+            near = None if indirect is None or at is None else _near(indirect, at[part])
+            table[part] = self.radiance_of_texels(number, patches, part, near)
+        table[count:] = self.radiance_of_others(number, patches)
+        return table
+
+    def brightness(self, patches: Patches) -> Float32:
+        """The sum (T + N + C + SPECIAL_ROWS,) of the columns of `radiance` in the last pass."""
+        last, count = len(self.passes) - 1, len(self.direct)
+        others = self.radiance_of_others(last, patches)
+        sums = np.empty(count + len(others), np.float32)
+        for start in range(0, count, BLOCK):
+            part = slice(start, min(start + BLOCK, count))
+            sums[part] = self.radiance_of_texels(last, patches, part).sum(1)
+        sums[count:] = others.sum(1)
+        return sums
+
+    def radiance_of_texels(
+        self, number: int, patches: Patches, texels: slice | Int32, near: tuple[Bools, Float32] | None = None
+    ) -> Float32:
+        """What texels (K,) send out from their fronts in a gather pass, (K, 3 G) float32, W/(m2 sr).
+
+        Args:
+            number: of the pass
+            near: of which of them (K,) the indirect irradiance is known, and that, (L, 3 G), W/m2; others have that of
+                their patches
+        """
+        light, groups = self.passes[number], self.direct.shape[1]
+        patch = patches.of_element[texels]
+        received = light.irradiance[np.maximum(patch, 0)]
+        if near is not None:
+            received[near[0]] = near[1].reshape(-1, groups, 3)
+        received += self.direct[texels]
+        received *= (self.look.reflectance[texels] / np.float32(np.pi))[:, None, :]
+        received[patch < 0] = 0
+        received[:, ~light.reflecting] = 0
+        received[np.arange(len(patch)), self.look.group[texels]] += self.look.emission[texels]
+        return received.reshape(len(patch), 3 * groups)
+
+    def radiance_of_others(self, number: int, patches: Patches) -> Float32:
+        """The rows of `radiance` after those of texels: backs of patches, the sky, what is no element."""
+        table = np.zeros((patches.count + len(self.sky) + SPECIAL_ROWS, *self.direct.shape[1:]), np.float32)
+        table[: patches.count] = self.passes[number].radiosity / np.float32(np.pi)
+        table[patches.count : -SPECIAL_ROWS] = self.sky
         table[-1] = self.world
-        return table.reshape(len(table), -1)
+        return table.reshape(len(table), 3 * table.shape[1])
+
+
+def _near(indirect: Float32, at: Int32) -> tuple[Bools, Float32]:
+    known = at >= 0
+    return known, indirect[at[known]]

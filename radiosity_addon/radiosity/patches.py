@@ -10,22 +10,23 @@ that takes part. One table of radiances, indexed by element, then serves every r
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..chunks import finish
-from ..geometry.coverage import ragged
+from ..geometry.by_triangle import ByTriangle
 from ..geometry.opacity import Opacity
 from ..geometry.sides import seen_side
 from ..geometry.surfaces import BLOCK
-from ..geometry.texels import BITS, STRATA, Texels
+from ..geometry.texels import Texels
 from ..geometry.visibility import Hits, Visibility
 from ..geometry.walls import Walls, hidden, part_cells
+from ..indices import numbers_of
 from ..sampling import even_uniform
+from .patch_strata import PatchStrata, sending
 
 SKY = -1
 """A ray that left the scene."""
@@ -61,6 +62,7 @@ class Patches:
         walls: where walls stand on them
         sides: (N,) float32, 1 for fronts, -1 for backs
         stopping: (T,) float32, m2, area of texels that stops light
+        strata: the parts of texels that send light
     """
 
     area: Float64
@@ -72,9 +74,7 @@ class Patches:
     texels: Texels
     stopping: Float32
     walls: Walls
-    _start: Int32
-    _number: Int32
-    _strata: Int32
+    strata: PatchStrata
 
     @property
     def count(self) -> int:
@@ -82,12 +82,12 @@ class Patches:
 
     def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
         """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
-        number = self._number[patches]
+        number = self.strata.number[patches]
         chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
         np.minimum(chosen, number - 1, out=chosen)
-        chosen += self._start[patches]
+        chosen += self.strata.start[patches]
         surfaces = self.texels.surfaces
-        points, triangle = self.texels.stratum_points(self._strata[chosen])
+        points, triangle = self.texels.stratum_points(self.strata.at(chosen))
         normals = surfaces.normals(triangle)
         if self.has_backs:
             normals *= self.sides[patches, None]
@@ -117,22 +117,42 @@ class Patches:
         met = self.of_element[np.maximum(element, 0)]
         return np.where(element >= 0, met, element)
 
-    def mean(self, values: Float32) -> Float64:
-        """Area-weighted means (N, ...) of texel values (T, ...) over the front patches; 0 on backs."""
+    def mean(self, values: Float32, share: Float32 | ByTriangle | None = None) -> Float64:
+        """Area-weighted means (N, ..., 3) of texel values (T, ..., 3) over the front patches; 0 on backs.
+
+        Args:
+            share: (T, 3), of the values; None: all
+        """
         front = self.of_element[: self.texels.count]
-        taking = np.flatnonzero((front >= 0) & (self.stopping > 0)).astype(np.int32)
-        flat = values.reshape(len(values), -1)
-        owner, area = front[taking], self.stopping
-        means = _sums(owner, taking, area, flat, self.count)
-        means /= np.maximum(_sums(owner, taking, area, None, self.count), 1e-30)
+        means, area = np.zeros((self.count, values[:1].size)), np.zeros(self.count)
+        taking = numbers_of((front >= 0) & (self.stopping > 0))
+        for part in _parts(len(taking)):
+            own = taking[part]
+            found = values[own]
+            if share is not None:
+                found = found * share[own].reshape(-1, *(1,) * (values.ndim - 2), 3)
+            owner, weight = front[own], self.stopping[own].astype(np.float64)
+            _add_sums(means, owner, weight, found.reshape(len(own), -1))
+            area += np.bincount(owner, weight, self.count)
+        means /= np.maximum(area, 1e-30)[:, None]
         return means.reshape(self.count, *values.shape[1:])
+
+    def any_texels(self) -> Int64:
+        """One of each patch's texels (N,)."""
+        texel: Int64 = np.zeros(self.count, np.int64)
+        for patch in (self.back, self.of_element[: self.texels.count]):
+            for start in range(0, len(patch), SUMMED):
+                own = patch[start : start + SUMMED]
+                there = np.flatnonzero(own >= 0)
+                texel[own[there]] = start + there
+        return texel
 
 
 def group_patches(
     texels: Texels,
     walls: Walls,
-    reflectance: Float32,
-    emission: Float32,
+    reflectance: Float32 | ByTriangle,
+    emission: Float32 | ByTriangle,
     solid: Bools,
     target: int,
     visibility: Visibility,
@@ -152,7 +172,7 @@ def group_patches(
         levels: (T,) how often cells are halved at each texel, fronts alone; None: nowhere
     """
     stopping = texels.area if opacity is None else texels.area * opacity.share
-    taking = np.flatnonzero(texels.valid & (stopping > 0)).astype(np.int32)
+    taking = numbers_of(texels.valid & (stopping > 0))
     extent = float(texels.area[taking].sum(dtype=np.float64))
     width = float(np.sqrt(extent / max(target, 1))) or 1.0
     hollow = ~(solid | texels.surfaces.two_sided)[texels.triangle[:, 0][taking]]
@@ -173,36 +193,35 @@ def group_patches(
     behind += np.int32(fronts)
     count = fronts + backs
 
-    members = np.concatenate([front, behind])
-    owners = np.concatenate([taking, rear])
-    del front, behind, some, hollow
-    area = _sums(members, owners, stopping, None, count)[:, 0]
-
-    def means(values: Float32) -> Float32:
-        total = _sums(members, owners, stopping, values, count)
-        return (total / np.maximum(area, 1e-30)[:, None]).astype(np.float32)
+    del some, hollow
+    area = np.zeros(count)
+    light = np.zeros((2, count, 3))  # reflectance and emission
+    for owner, texel in ((front, taking), (behind, rear)):
+        for part in _parts(len(texel)):
+            own, patch = texel[part], owner[part]
+            weight = stopping[own].astype(np.float64)
+            area += np.bincount(patch, weight, count)
+            for total, values in zip(light, (reflectance, emission), strict=True):
+                _add_sums(total, patch, weight, values[own])
+    light /= np.maximum(area, 1e-30)[:, None]
 
     of_element = np.full(texels.count + count, NOTHING, np.int32)
-    of_element[taking] = members[: len(taking)]
+    of_element[taking] = front
     of_element[texels.count :] = np.arange(count)
     _join_lonely(of_element, texels, visibility)
     back = np.full(texels.count, NOTHING, np.int32)
-    back[rear] = members[len(taking) :]
-    del taking, rear
-    number, strata = _strata_lists(_sending(texels, opacity), members, owners, count)
+    back[rear] = behind
     return Patches(
         area=area,
-        reflectance=means(reflectance),
-        emission=means(emission),
+        reflectance=light[0].astype(np.float32),
+        emission=light[1].astype(np.float32),
         of_element=of_element,
         back=back,
         sides=np.where(np.arange(count) < fronts, 1, -1).astype(np.float32),
         texels=texels,
         stopping=stopping,
         walls=walls,
-        _start=(np.cumsum(number) - number).astype(np.int32),
-        _number=number,
-        _strata=strata,
+        strata=PatchStrata.of([(front, taking), (behind, rear)], sending(texels, opacity), count),
     )
 
 
@@ -215,18 +234,14 @@ def _chessboard(texels: Texels) -> Bools:
     return light
 
 
-def _sums(members: Int32, owners: Int32, area: Float32, values: Float32 | None, count: int) -> Float64:
-    """Sums (count, C) over members (K,) of the area of their owners times `values` (T, C) there; None stands for 1."""
-    width = 1 if values is None else values.shape[1]
-    total = np.zeros((count, width))
-    for start in range(0, len(members), SUMMED):
-        part = slice(start, start + SUMMED)
-        member, own = members[part], owners[part]
-        weight = area[own].astype(np.float64)
-        for column in range(width):
-            weights = weight if values is None else weight * values[own, column]
-            total[:, column] += np.bincount(member, weights=weights, minlength=count)
-    return total
+def _parts(count: int) -> Iterator[slice]:
+    return (slice(start, start + SUMMED) for start in range(0, count, SUMMED))
+
+
+def _add_sums(total: Float64, members: Int32, weight: Float64, values: Float32) -> None:
+    """Add to sums (N, C) over members (K,) their weights (K,) times values (K, C)."""
+    for column, each in enumerate(values.T):
+        total[:, column] += np.bincount(members, weight * each, len(total))
 
 
 def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None) -> Int64:
@@ -329,38 +344,3 @@ def _join_lonely(of_element: Int32, texels: Texels, visibility: Visibility) -> N
         walled = np.flatnonzero(texels.crossed[lonely] & (found >= 0))
         found[walled[hidden(texels, lonely[walled], beside[walled], visibility)]] = NOTHING
         of_element[lonely] = np.where(of_element[lonely] < 0, found, of_element[lonely])
-
-
-def _strata_lists(sending: NDArray[np.uint8], members: Int32, owners: Int32, count: int) -> tuple[Int32, Int32]:
-    """Strata of each patch, one patch after the other: how many (N,), and texel * 4 + slot (K,).
-
-    Args:
-        sending: (T,) uint8, strata that send light, as bits
-    """
-    number = np.zeros(count)
-    for start in range(0, len(members), SUMMED):
-        part = slice(start, start + SUMMED)
-        number += np.bincount(members[part], weights=BITS[sending[owners[part]]], minlength=count)
-    begin, length = _runs(members)
-    order = np.argsort(members[begin], kind="stable")
-    begin, length = begin[order], length[order]
-    strata = np.empty(int(number.sum()), np.int32)
-    slots = np.arange(STRATA, dtype=np.int32)
-    cuts = np.searchsorted(np.cumsum(length), np.arange(0, len(members), BLOCK))
-    done = 0
-    for first, last in pairwise([*cuts, len(begin)]):
-        own = owners[ragged(begin[first:last], length[first:last])]
-        chosen = ((sending[own][:, None] >> slots) & 1) > 0
-        found = (own[:, None] * np.int32(STRATA) + slots)[chosen]
-        strata[done : done + len(found)] = found
-        done += len(found)
-    return number.astype(np.int32), strata
-
-
-def _sending(texels: Texels, opacity: Opacity | None) -> NDArray[np.uint8]:
-    """Strata that send light, as bits (T,); texels beside charts stand in one place."""
-    covered = np.maximum(texels.covered, 1)
-    if opacity is None:
-        return covered
-    some = covered & opacity.strata
-    return np.where(some, some, covered)

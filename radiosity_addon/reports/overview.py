@@ -123,8 +123,8 @@ def overview(
     brightest = max(float(page.max(initial=0)) for page in pages)
     light, maps, pairs = _Light(working, brightest), [], []
     for index, (page, path) in enumerate(zip(pages, paths, strict=True)):
-        start, stop = np.searchsorted(texels.pixel, [index * size**2, (index + 1) * size**2])
-        mine = texels.pixel[start:stop] - index * size**2
+        start, stop = texels.before(index * size**2), texels.before((index + 1) * size**2)
+        mine = texels.pixel[start:stop].astype(np.int64) - index * size**2
         page = finite(page)[0]
         light.add(page.reshape(-1, 3), mine)
         stored = written.recipe.decode(read_image(path))

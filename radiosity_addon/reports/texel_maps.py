@@ -26,8 +26,7 @@ def texel_map(texels: Texels, patch: Int32, page: int) -> Int32:
         patch: (T,) patch of each texel, negative for none
     """
     size = texels.size
-    start, stop = np.searchsorted(texels.pixel, [page * size**2, (page + 1) * size**2])
-    mine = slice(int(start), int(stop))
+    mine = slice(texels.before(page * size**2), texels.before((page + 1) * size**2))
     kind = np.where(patch[mine] >= 0, patch[mine] + PATCHED, UNPATCHED)
     result: Int32 = np.zeros(size * size, np.int32)
     result[texels.pixel[mine] - page * size**2] = np.where(texels.valid[mine], kind, INVALID)
