@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from radiosity_addon.blender.data.curves import left_to_blender
-from radiosity_addon.blender.data.shapes import placed, read_shape
+from radiosity_addon.blender.data.shapes import FREE_NORMALS, placed, read_shape, set_corner_normals
 from radiosity_addon.blender.data.spline_meshes import spline_mesh
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.writing.revert import revert
+from tests.blender.built import add_mesh
 from tests.blender.spline_objects import bake_all, curve_object, link, shown, taper_object
 
 
@@ -69,6 +70,15 @@ def test_shading_normals_of_a_sphere_are_exact():
     off = np.linalg.norm(shape.corner_normals - radial, axis=2)
     assert off[~poles].max() < 2e-3
     assert off[poles].max() < 0.05
+
+
+def test_a_mesh_takes_the_shading_normals_that_it_is_given_and_keeps_its_own_where_none_are():
+    mesh = add_mesh().data
+    tilted = np.array([[0.6, 0, 0.8]] * 3 + [[0.0, 0, 0]])
+    set_corner_normals(mesh, tilted)
+    tilted[3] = 0, 0, 1
+    found = np.array([normal.vector[:] for normal in mesh.corner_normals])
+    assert found == pytest.approx(tilted, abs=1e-6 if FREE_NORMALS else 1e-3)
 
 
 @pytest.mark.parametrize("outline", [{"bevel_depth": 0.1}, {"bevel_depth": 0.1, "extrude": 0.1, "fill_mode": "HALF"}])

@@ -13,6 +13,10 @@ from ...arrays import Bools, Float32, Float64, Floats, Int32
 FLAT = 1e-7
 """A triangle whose doubled area is below this share of its longest edge squared is a line in float32: degenerate."""
 
+FREE_NORMALS = bpy.app.version >= (5, 0)
+"""Shading normals can be plain vectors, and not only angles of 16 bits, which take long to find. Blender 4.5 takes
+vectors too, but its Cycles does not."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shape:
@@ -62,6 +66,21 @@ def read_uv(mesh: bpy.types.Mesh, name: str, corner: Int32) -> Float32 | None:
         return None
     uv: Float32 = _get(layer.uv, "vector", (len(mesh.loops), 2), np.float32)[corner]
     return uv
+
+
+def set_corner_normals(mesh: bpy.types.Mesh, normals: Floats) -> None:
+    """Give a mesh shading normals (L, 3) at its corners; where one is zero, the mesh keeps its own.
+
+    Without FREE_NORMALS this marks edges as sharp.
+    """
+    if not FREE_NORMALS:
+        mesh.normals_split_custom_set(normals.astype(np.float32))
+        return
+    unset = ~normals.any(axis=1)
+    if unset.any():
+        normals = np.where(unset[:, None], _get(mesh.corner_normals, "vector", normals.shape, np.float32), normals)
+    attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+    attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
 
 
 def has_loops_of(mesh: bpy.types.Mesh, own: bpy.types.Mesh) -> bool:

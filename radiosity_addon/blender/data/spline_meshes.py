@@ -14,6 +14,7 @@ from ...curves.patchwork import Patchwork, patchwork
 from ...curves.strands import tubes
 from ...curves.unrolling import unroll
 from .curves import Nets, curve_nets, left_to_blender, profiles, surface_nets
+from .shapes import set_corner_normals
 
 UV_MAP = "UVMap"
 """Name of the texture coordinates that Blender gives to the meshes of splines."""
@@ -149,7 +150,7 @@ def _filled(name: str, faces: Patchwork, data: bpy.types.Curve) -> bpy.types.Mes
     layer.uv.foreach_set("vector", faces.loop_uv.astype(np.float32).ravel())
     mesh.update(calc_edges=True)
     if faces.loop_normal.any():
-        mesh.normals_split_custom_set(faces.loop_normal.astype(np.float32))
+        set_corner_normals(mesh, faces.loop_normal)
     mesh.use_auto_texspace = False
     mesh.texspace_location, mesh.texspace_size = data.texspace_location, data.texspace_size
     return mesh

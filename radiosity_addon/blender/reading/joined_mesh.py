@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import Float32, Float64, Int32, Int64
 from ...scene import Mesh
+from ..data.shapes import FREE_NORMALS, set_corner_normals
 from ..looks.surface_answers import ABSENT, SurfaceAnswers
 from ..looks.surface_inputs import Input
 
@@ -68,11 +69,9 @@ def join(mesh: bpy.types.Mesh, parts: Sequence[Part], matrix: Float64, names: Ma
     mesh.update()
     layer = mesh.uv_layers.new(name=LAYOUT_UV, do_init=False)
     layer.uv.foreach_set("vector", _joined(part.uv[:, order] for part in parts))
-    normals = _joined(_normals(part)[:, order] @ matrix[:3, :3] for part in parts)
-    if bpy.app.version >= (5, 0):
-        mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals)
-    elif parts[0].surface.edges is None:  # this would change the edges, which tell islands
-        mesh.normals_split_custom_set(normals.reshape(-1, 3))
+    if FREE_NORMALS or parts[0].surface.edges is None:  # sharp edges would tell other islands
+        normals = _joined(_normals(part)[:, order] @ matrix[:3, :3] for part in parts)
+        set_corner_normals(mesh, normals.reshape(-1, 3))
     for asked, name in names.items():
         answers = [_answer(part, asked, order) for part in parts]
         width = max(answer.shape[2] for answer in answers)
