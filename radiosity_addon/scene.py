@@ -7,7 +7,7 @@ a test) resolves what a lamp or shader means into radiometric quantities; the co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
@@ -92,6 +92,8 @@ class Mesh:
         uv: (F, 3, 2) float32 in 0..1 to keep an existing map instead of unwrapping, or None
         chart: (F,) int32, chart of each triangle, where the surface was laid flat already: then uv are metres in a
             plane for each chart, and the charts are packed apart; -1: none
+        flat: lays the surface flat by its own parameters: gives `uv` and `chart`, or None if it bends too much; asked
+            where charts are made, by `laid_flat`
         shape: meshes of the same number, 0 and up, share one unwrap, which each scales and shifts as a whole: their
             polygons, corners and existing maps are the same and their vertices differ by little more than a
             similarity; None: an unwrap of its own
@@ -113,12 +115,20 @@ class Mesh:
     density: float = 1.0
     uv: Float32 | None = None
     chart: Int32 | None = None
+    flat: Callable[[], tuple[Float32, Int32] | None] | None = None
     shape: int | None = None
     met: bool = True
     casts: bool = True
     two_sided: bool = False
     front: int | None = None
     page_group: str = ""
+
+    def laid_flat(self) -> Mesh:
+        """The mesh with the charts that it can make of itself, if it can."""
+        if self.flat is None:
+            return self
+        uv, chart = self.flat() or (None, None)
+        return replace(self, uv=uv, chart=chart, flat=None)
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,10 @@ def flatten_meshes(meshes: list[Mesh]) -> Generator[float, None, tuple[list[Flat
         UvMapError: a map that can't be kept
         BakeError: xatlas can't be loaded
     """
+    given, meshes = meshes, []
+    for mesh in given:
+        meshes.append(mesh.laid_flat())
+        yield 0.0
     surfaces = [_surface(mesh) for mesh in meshes]
     warnings: list[str] = []
     result: list[Flat | None] = [None] * len(meshes)

@@ -107,7 +107,9 @@ def bake_scene(
         files.lock(folder)
         reading = Progress("Read scene", 0.0)
         yield reading
-        extraction = yield from _as_part_of(reading, read_scene(scene, job.objects or None))
+        placing = (yield from _as_part_of(reading, read_scene(scene, job.objects or None))).extraction()
+        records = _as_part_of(reading, placing)
+        extraction = yield from records if seat is None else in_thread(records, reading)
         read = time.perf_counter()
         shader = CyclesShader(scene, extraction)
         begun = Progress("Unwrap", READING_SHARE)

@@ -6,11 +6,13 @@ Rays meet fronts only. A hit on the back of a triangle that has a twin is a hit 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from ..arrays import Float32, Int32
 from ..scene import Mesh, Scene
 from .surfaces import Surfaces
 from .visibility import Hits
@@ -32,19 +34,28 @@ def with_backs(scene: Scene) -> Scene:
 
 
 def _back(mesh: Mesh, index: int) -> Mesh:
-    uv = None
-    if mesh.uv is not None:
-        uv = mesh.uv[:, TURNED]
-        uv[:, :, 0] = 1 - uv[:, :, 0]  # mirrored, as it is seen from behind
     return replace(
         mesh,
         triangles=np.ascontiguousarray(mesh.triangles[:, TURNED]),
         corner_normals=-mesh.corner_normals[:, TURNED],
         corner=np.ascontiguousarray(mesh.corner[:, TURNED]),
-        uv=uv,
+        uv=None if mesh.uv is None else _mirrored(mesh.uv),
+        flat=None if mesh.flat is None else partial(_mirrored_flat, mesh.flat),
         shape=None,
         front=index,
     )
+
+
+def _mirrored(uv: Float32) -> Float32:
+    """A map (F, 3, 2) as it is seen from behind."""
+    turned: Float32 = uv[:, TURNED]
+    turned[:, :, 0] = 1 - turned[:, :, 0]
+    return turned
+
+
+def _mirrored_flat(flat: Callable[[], tuple[Float32, Int32] | None]) -> tuple[Float32, Int32] | None:
+    laid = flat()
+    return laid and (_mirrored(laid[0]), laid[1])
 
 
 def seen_side(surfaces: Surfaces, hits: Hits) -> Hits:

@@ -9,6 +9,8 @@ import pytest
 
 from radiosity_addon.blender.data.names import ORIGINAL_MATERIAL_KEY, PREVIEW_KEY, STAND_IN_KEY
 from radiosity_addon.blender.data.stand_in import swap_in
+from radiosity_addon.blender.reading.extract import read_scene
+from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
 from tests.blender.added import add_cube, snapshot
 from tests.blender.built import QUAD, add, add_lamp, add_mesh, emission, extract, one_shader
@@ -31,6 +33,26 @@ def test_a_moved_rotated_scaled_quad_lands_where_blender_puts_it():
     assert np.allclose(mesh.vertices, expected, atol=1e-6)
     assert mesh.vertices.dtype == np.float64
     assert mesh.triangles.dtype == np.int32
+
+
+def test_a_scene_was_read_in_one_look_whatever_becomes_of_it_while_records_are_made():
+    add_cube()
+    thing = add_mesh(location=(1, 2, 3), scale=(1, 2, 3))
+    thing.data.materials.append(emission("Glow", 3.0))
+    before = extract().scene
+    reading = finish(read_scene(bpy.context.scene))
+    records = reading.extraction()
+    next(records)
+    bpy.data.materials.remove(thing.data.materials[0])
+    for each in list(bpy.data.meshes):
+        bpy.data.meshes.remove(each)
+    after = finish(records).scene
+    assert after.materials == before.materials
+    for one, other in zip(after.meshes, before.meshes, strict=True):
+        assert one.name == other.name
+        assert np.array_equal(one.vertices, other.vertices)
+        assert np.array_equal(one.corner_normals, other.corner_normals)
+        assert np.array_equal(one.material, other.material)
 
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, 0.5), (-1, -1, -1), (3, 1, 0.2)])

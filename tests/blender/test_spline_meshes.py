@@ -12,6 +12,7 @@ from radiosity_addon.blender.data.shapes import FREE_NORMALS, placed, read_shape
 from radiosity_addon.blender.data.spline_meshes import spline_mesh
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.writing.revert import revert
+from radiosity_addon.scene import Mesh
 from tests.blender.built import add_mesh
 from tests.blender.spline_objects import bake_all, curve_object, link, shown, taper_object
 
@@ -128,7 +129,7 @@ def test_what_splines_do_not_tell_is_left_to_blender(change, why):
     assert why in reason(thing)
     extraction = extract_scene(bpy.context.scene)
     mesh = next(mesh for mesh in extraction.scene.meshes if mesh.name == thing.name)
-    assert mesh.chart is None
+    assert mesh.flat is None
     assert len(mesh.vertices) == len(shown(thing).vertices)
 
 
@@ -139,7 +140,7 @@ def test_an_extracted_surface_comes_with_charts_and_leaves_nothing_behind():
     before = len(bpy.data.meshes)
     extraction = extract_scene(bpy.context.scene)
     assert len(bpy.data.meshes) == before
-    for mesh in extraction.scene.meshes:
+    for mesh in map(Mesh.laid_flat, extraction.scene.meshes):
         assert mesh.chart is not None
         assert mesh.uv.shape == (len(mesh.triangles), 3, 2)
         a, b = (mesh.uv[:, k] - mesh.uv[:, 0] for k in (1, 2))
@@ -283,7 +284,7 @@ def test_a_bare_curve_shows_nothing_unless_it_is_given_a_tube():
     found = extract_scene(bpy.context.scene).scene.meshes
     tube = next(mesh for mesh in found if mesh.name == "Curve")
     assert np.ptp(tube.vertices, axis=0) == pytest.approx([2.0, 0.1, 0.1], rel=0.01)
-    assert tube.chart is not None
+    assert tube.flat is not None
 
 
 def test_a_bare_curve_with_a_tube_is_shown_and_comes_back():

@@ -59,13 +59,10 @@ def read_shape(mesh: bpy.types.Mesh) -> Shape:
     )
 
 
-def read_uv(mesh: bpy.types.Mesh, name: str, corner: Int32) -> Float32 | None:
-    """A uv map at triangle corners, (F, 3, 2); None if the mesh has no such map."""
+def read_uv(mesh: bpy.types.Mesh, name: str) -> Float32 | None:
+    """A uv map by polygon corner, (L, 2); None if the mesh has no such map."""
     layer = mesh.uv_layers.get(name)
-    if layer is None:
-        return None
-    uv: Float32 = _get(layer.uv, "vector", (len(mesh.loops), 2), np.float32)[corner]
-    return uv
+    return None if layer is None else _get(layer.uv, "vector", (len(mesh.loops), 2), np.float32)
 
 
 def set_corner_normals(mesh: bpy.types.Mesh, normals: Floats) -> None:

@@ -37,20 +37,6 @@ class SplineMesh:
     nets: Nets
     faces: Patchwork | None = None
 
-    def cut(self, corner: Int32, matrix: Float64) -> tuple[Float32, Int32] | None:
-        """Charts by arc length: uv (F, 3, 2), m, and chart (F,) of triangles by their corners (F, 3).
-
-        None where the splines bend too much to be laid flat by their own parameters.
-
-        Args:
-            matrix: (4, 4) of the object
-        """
-        laid = unroll(self.nets.nets, self.nets.caps, matrix[:3, :3])
-        if laid is None or self.faces is None:
-            return None
-        places, charts = (values[self.faces.face][corner] for values in laid)
-        return places.astype(np.float32), charts[:, 0].astype(np.int32)
-
 
 class SplineMeshes:
     """The spline meshes of one dependency graph, made when they are asked for, until they are removed."""
@@ -81,6 +67,22 @@ class SplineMeshes:
             if made is not None:
                 bpy.data.meshes.remove(made.mesh)
         self.made.clear()
+
+
+def cut(nets: Nets, faces: Patchwork, corner: Int32, matrix: Float64) -> tuple[Float32, Int32] | None:
+    """Charts by arc length: uv (F, 3, 2), m, and chart (F,) of triangles by their corners (F, 3).
+
+    None where the splines bend too much to be laid flat by their own parameters.
+
+    Args:
+        faces: the polygons that the nets were made into
+        matrix: (4, 4) of the object
+    """
+    laid = unroll(nets.nets, nets.caps, matrix[:3, :3])
+    if laid is None:
+        return None
+    places, charts = (values[faces.face][corner] for values in laid)
+    return places.astype(np.float32), charts[:, 0].astype(np.int32)
 
 
 def is_bare_tube(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Generator
-from dataclasses import replace
+from collections.abc import Callable, Collection, Generator, Sequence
 from functools import partial
 
 import bpy
 import numpy as np
 
-from ...arrays import Float32, Int32
+from ...arrays import Float32
 from ...chunks import finish
 from ...errors import SceneError
 from ...scene import Mesh, Scene
@@ -23,22 +22,22 @@ from ..data.preflight import (
     check_can_stand_in,
     check_is_there,
     check_memory,
-    check_size,
     finite_matrix,
     is_flat,
     is_two_sided,
 )
-from ..data.shapes import Shape, has_loops_of, placed, read_shape, read_uv
+from ..data.shapes import Shape, has_loops_of, read_shape, read_uv
 from ..data.shared_shapes import SharedShapes
-from ..data.spline_meshes import SplineMeshes, is_bare_tube
+from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube
 from ..data.stand_in import as_unbaked
 from ..data.working_space import working_space
 from ..looks.surface_answers import SurfaceAnswers
 from ..looks.surface_inputs import Input
 from .extraction import Extraction, Notes, Skip, Source
-from .light_linking import lit_by
+from .light_linking import Name
 from .light_records import LightRecords
 from .material_records import MaterialRecords
+from .surface_records import Found, SurfaceRecords
 
 SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 """Types of objects that can have faces."""
@@ -50,10 +49,10 @@ NO_FACES = "it has no faces"
 
 def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
     """Read a scene at render settings. What an earlier bake left in it is looked through; see `read_scene`."""
-    return finish(read_scene(scene, only))
+    return finish(finish(read_scene(scene, only)).extraction())
 
 
-def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Generator[None, None, Extraction]:
+def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Generator[None, None, Reading]:
     """Read a scene in steps. Until the end nothing else may change the file.
 
     Args:
@@ -61,7 +60,7 @@ def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> G
         only: names of the objects that get lightmaps, or None for all; the others still shadow and bounce
 
     Raises:
-        SceneError: something can't be baked, or nothing is left to bake
+        SceneError: something can't be baked
     """
     for name in only or ():
         if name not in scene.objects:
@@ -70,89 +69,85 @@ def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> G
         if thing.mode == "EDIT":
             thing.update_from_editmode()
     with as_unbaked(scene):
-        reading = at_render_settings(scene, lambda depsgraph: _Reading(scene, depsgraph, only).read_all())
+        reading = at_render_settings(scene, lambda depsgraph: Reading(scene, depsgraph, only))
     yield
-    yield from reading.unroll()
     yield from reading.lights.render_world(scene)
-    return reading.extraction()
+    return reading
 
 
-class _Reading:
-    """One walk over all that is rendered."""
+class Reading:
+    """All that is rendered, as one look at a dependency graph has it. A world that is to be rendered is not in it."""
 
     def __init__(
         self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, only: Collection[str] | None = None
     ) -> None:
-        self.originals = scene
-        self.depsgraph = depsgraph
+        self.name = scene.name
         self.only = only
         self.notes = Notes()
         self.materials = MaterialRecords(depsgraph, self.notes)
         self.lights = LightRecords(depsgraph, self.notes)
-        self.surfaces: dict[int, SurfaceAnswers] = {}
         self.answers: dict[int, dict[Input, Float32]] = {}  # of shared meshes
         self.shapes: dict[int, Shape] = {}
         self.splines = SplineMeshes(depsgraph)
-        self.meshes: list[Mesh] = []
-        self.sources: list[Source] = []
+        self.found: list[Found] = []
         self.skipped: dict[str, str] = {}
         self.families = SharedShapes()
         self.instancers: dict[str, set[str]] = defaultdict(set)
-        self.unrolled: dict[int, Callable[[], tuple[Float32, Int32] | None]] = {}
         self.triangles = 0
-
-    def read_all(self) -> _Reading:
-        """Take in all that is rendered, but for a world that has to be rendered itself."""
+        self.working_space = working_space()
         seen = set()
         try:
-            for item in self.depsgraph.object_instances:
+            for item in depsgraph.object_instances:
                 seen.add(item.object.original.name_full)
-                self.read(item)
+                self.read(item, depsgraph)
         finally:
             self.splines.remove()
-        self.skip_unseen(seen)
+        self.unseen = {
+            thing.name: NO_FACES if thing.name_full in seen else "it is hidden in renders"
+            for thing in scene.objects
+            if thing.type in SURFACES and not is_stand_in(thing)
+        }
+        self.lights.read_world()
+
+    def extraction(self) -> Generator[None, None, Extraction]:
+        """The records of what was read, in steps that need no Blender any more.
+
+        Raises:
+            SceneError: something can't be baked, or nothing is left to bake
+        """
+        surfaces = SurfaceRecords(self.notes)
+        for found in self.found:
+            try:
+                surfaces.take(found)
+            except Skip as reason:
+                self.skip(found.name, str(reason))
+            yield
+        have_faces = {source.object_name for source in surfaces.sources}
+        for name, reason in self.unseen.items():
+            if name not in have_faces:
+                self.skipped.setdefault(name, reason)
         for name in self.instancers:
             if self.skipped.get(name) == NO_FACES:
-                del self.skipped[name], self.notes.warnings[LEFT_OUT.format(name, NO_FACES)]
-        if not any(mesh.lightmapped for mesh in self.meshes):
+                del self.skipped[name]
+                self.notes.warnings.pop(LEFT_OUT.format(name, NO_FACES), None)
+        if not any(mesh.lightmapped for mesh in surfaces.meshes):
             raise self.nothing_to_bake()
-        self.lights.read_world()
-        return self
-
-    def unroll(self) -> Generator[None, None, None]:
-        """Lay flat what was made of splines; this needs no Blender any more."""
-        for index, cut in self.unrolled.items():
-            uv, chart = cut() or (None, None)
-            self.meshes[index] = replace(self.meshes[index], uv=uv, chart=chart)
-            yield
-
-    def extraction(self) -> Extraction:
-        """The records of what was taken in."""
         if self.lights.dark and not self.materials.emit:
             self.notes.warn("There is no light in the scene: the lightmaps will be black")
         scene = Scene(
-            meshes=tuple(self.meshes),
+            meshes=tuple(surfaces.meshes),
             materials=tuple(self.materials.records),
             lights=tuple(self.lights.lamps),
             world=self.lights.world,
             groups=tuple(name for name, _ in self.lights.groups),
-            receivers={index: self.receivers(linked) for index, linked in self.lights.linked.items()},
+            receivers={index: receivers(lit, surfaces.sources) for index, lit in self.lights.linked.items()},
             bounces={index: limit for index, (_, limit) in enumerate(self.lights.groups) if limit is not None},
-            working_space=working_space(),
+            working_space=self.working_space,
             warnings=tuple(self.notes.warnings),
         )
         names = tuple(name for name, _ in self.materials.shown)
         skipped = tuple(self.skipped.items())
-        return Extraction(scene, tuple(self.sources), skipped, names, self.surfaces, self.instancers)
-
-    def receivers(self, linked: bpy.types.Collection) -> frozenset[int]:
-        """Indices of the meshes that a lamp lights that is linked to a collection."""
-        lights = lit_by(linked)
-        return frozenset(
-            index
-            for index, source in enumerate(self.sources)
-            if lights((source.object_name, source.library)) or (source.instancer and lights((source.instancer, None)))
-        )
+        return Extraction(scene, tuple(surfaces.sources), skipped, names, surfaces.answers, self.instancers)
 
     def nothing_to_bake(self) -> SceneError:
         reasons = [
@@ -160,12 +155,17 @@ class _Reading:
         ]
         why = "; ".join(reasons[:3]) + ("; ..." if len(reasons) > 3 else "")
         return SceneError(
-            f"Scene {self.originals.name!r}",
+            f"Scene {self.name!r}",
             f"nothing is left to bake ({why})" if why else "it has no object with faces",
             "Add a mesh that is visible in renders, or include one",
         )
 
-    def read(self, item: bpy.types.DepsgraphObjectInstance) -> None:
+    def skip(self, name: str, reason: str) -> None:
+        """Leave out an object, and say so."""
+        self.skipped[name] = reason
+        self.notes.warn(LEFT_OUT.format(name, reason))
+
+    def read(self, item: bpy.types.DepsgraphObjectInstance, depsgraph: bpy.types.Depsgraph) -> None:
         """Take one object or instance into the records."""
         thing, original = item.object, item.object.original
         if is_stand_in(original):
@@ -180,7 +180,7 @@ class _Reading:
         if thing.type == "LIGHT":
             self.lights.read_lamp(thing, finite_matrix(item))
             return
-        if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, self.depsgraph):
+        if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, depsgraph):
             if thing.type in ("POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
                 self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
             return
@@ -189,16 +189,16 @@ class _Reading:
             self.skipped[thing.name] = "excluded from the bake"
             return
         try:
-            self.read_surface(item, instanced, settings)
+            self.read_surface(item, instanced, settings, depsgraph)
         except Skip as reason:
-            self.skipped[thing.name] = str(reason)
-            self.notes.warn(LEFT_OUT.format(thing.name, reason))
+            self.skip(thing.name, str(reason))
 
     def read_surface(
         self,
         item: bpy.types.DepsgraphObjectInstance,
         instanced: bool,
         settings: bpy.types.PropertyGroup | None,
+        depsgraph: bpy.types.Depsgraph,
     ) -> None:
         thing, original, matrix = item.object, item.object.original, finite_matrix(item)
         splines = self.splines.of(thing)
@@ -223,58 +223,49 @@ class _Reading:
             check_can_stand_in(item.parent.original, original, mesh)
         elif lightmapped:
             check_can_carry(original)
-        shape = placed(self.shape(mesh, keep=shared), matrix)
+        shape = self.shape(mesh, keep=shared)
         self.triangles += len(shape.triangles)
         check_memory(thing.name, self.triangles)
-        check_size(thing.name, shape.vertices)
-        if not len(shape.triangles):
-            raise Skip("all its faces have no area")
-        if shape.dropped:
-            self.notes.warn(f"{thing.name}: {shape.dropped} triangles without area are left out")
         slots = [slot.material for slot in thing.material_slots]
         group = self.lights.group(thing.lightgroup)
-        material = self.materials.of_slots(slots, group, thing.name)[np.clip(shape.slot, 0, max(len(slots) - 1, 0))]
-        asked = (self.materials.shown[index][1] for index in np.unique(material))
-        asking = [each for each in asked if each is not None]
+        material = self.materials.of_slots(slots, group, thing.name)
+        asking, answers = self.materials.asking(material, shape.slot), None
         if asking:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
-            self.surfaces[len(self.meshes)] = SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
-        uv = kept_uv(mesh, shape, thing.name, settings) if lightmapped else None
-        if splines is not None and lightmapped and uv is None:
-            self.unrolled[len(self.meshes)] = partial(splines.cut, shape.corner, matrix)
+            answers = SurfaceAnswers.of(asking, item, mesh, depsgraph, kept)
+        uv = kept_uv(mesh, thing.name, settings) if lightmapped else None
+        unrolls = lightmapped and uv is None and splines is not None and splines.faces is not None
         uv_map, page_group = (getattr(settings, name, "") for name in ("uv_map", "page_group"))
-        self.sources.append(
-            Source(
-                object_name=thing.name,
-                mesh=len(self.meshes),
-                own_mesh=not instanced and is_own_mesh(mesh, original),
-                materials=tuple("" if slot is None else slot.original.name for slot in slots),
-                slot=shape.slot,
-                matrix=matrix if instanced else None,
-                instancer=item.parent.original.name if instanced else "",
-                index=instance_index(item) if instanced else (),
-                library=original.library.filepath if original.library else None,
-            )
-        )
         two_sided = lightmapped and is_two_sided(original)
         shares = lightmapped and shared and not two_sided  # a place says where one map lies, not where two do
-        self.meshes.append(
-            Mesh(
+        self.found.append(
+            Found(
                 name=thing.name,
-                vertices=shape.vertices,
-                triangles=shape.triangles,
-                corner_normals=shape.corner_normals,
+                shape=shape,
+                matrix=matrix,
                 material=material,
-                polygon=shape.polygon,
-                corner=shape.corner,
-                lightmapped=lightmapped,
-                density=getattr(settings, "density", 1.0),
                 uv=uv,
-                shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
-                two_sided=two_sided,
-                page_group=page_group,
-                met=thing.visible_diffuse and maker.visible_diffuse,
-                casts=thing.visible_shadow and maker.visible_shadow,
+                cut=partial(cut, splines.nets, splines.faces) if unrolls else None,
+                answers=answers,
+                mesh=partial(
+                    Mesh,
+                    lightmapped=lightmapped,
+                    density=getattr(settings, "density", 1.0),
+                    shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
+                    two_sided=two_sided,
+                    page_group=page_group,
+                    met=thing.visible_diffuse and maker.visible_diffuse,
+                    casts=thing.visible_shadow and maker.visible_shadow,
+                ),
+                source=partial(
+                    Source,
+                    own_mesh=not instanced and is_own_mesh(mesh, original),
+                    materials=tuple("" if slot is None else slot.original.name for slot in slots),
+                    matrix=matrix if instanced else None,
+                    instancer=item.parent.original.name if instanced else "",
+                    index=instance_index(item) if instanced else (),
+                    library=original.library.filepath if original.library else None,
+                ),
             )
         )
 
@@ -308,24 +299,24 @@ class _Reading:
             raise Skip("it has vertices that are not finite numbers")
         return shape
 
-    def skip_unseen(self, seen: set[str]) -> None:
-        """Say why objects that could have faces did not come up."""
-        have_faces = {source.object_name for source in self.sources}
-        for thing in self.originals.objects:
-            if thing.type not in SURFACES or thing.name in have_faces or is_stand_in(thing):
-                continue
-            known = thing.name_full in seen
-            self.skipped.setdefault(thing.name, NO_FACES if known else "it is hidden in renders")
+
+def receivers(lit: Callable[[Name], bool], sources: Sequence[Source]) -> frozenset[int]:
+    """Indices of the meshes that a lamp lights which lights what is `lit`."""
+    return frozenset(
+        index
+        for index, source in enumerate(sources)
+        if lit((source.object_name, source.library)) or (source.instancer and lit((source.instancer, None)))
+    )
 
 
-def kept_uv(mesh: bpy.types.Mesh, shape: Shape, name: str, settings: bpy.types.PropertyGroup | None) -> Float32 | None:
-    """The uv map that the object is set to keep, (F, 3, 2), or None.
+def kept_uv(mesh: bpy.types.Mesh, name: str, settings: bpy.types.PropertyGroup | None) -> Float32 | None:
+    """The uv map that the object is set to keep, by polygon corner, (L, 2), or None.
 
     Raises:
         SceneError: it has no such map
     """
     wanted = getattr(settings, "uv_map", "")
-    uv = read_uv(mesh, wanted, shape.corner) if wanted else None
+    uv = read_uv(mesh, wanted) if wanted else None
     if wanted and uv is None:
         raise SceneError(
             name, f"it has no uv map named {wanted!r}", "Choose one of its uv maps to keep, or none to unwrap"

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import bpy
@@ -14,6 +14,7 @@ from ...scene import Light, World
 from ..looks.nodes import LinkCycle
 from .extraction import Notes
 from .lamps import read_lamp
+from .light_linking import Name, lit_by
 from .world import read_world, render_sky
 
 
@@ -23,7 +24,7 @@ class LightRecords:
     Attributes:
         groups: light groups: name, and most bounces of its light if they are limited
         lamps: as the core takes them
-        linked: by the index of a lamp, the collection that it is linked to
+        linked: by the index of a lamp that is linked to a collection, whom it lights
         world: as the core takes it
     """
 
@@ -34,7 +35,7 @@ class LightRecords:
         self._to_render: bpy.types.World | None = None
         self.groups: list[tuple[str, int | None]] = [("", None)]
         self.lamps: list[Light] = []
-        self.linked: dict[int, bpy.types.Collection] = {}
+        self.linked: dict[int, Callable[[Name], bool]] = {}
         self.world = World()
 
     @property
@@ -53,7 +54,7 @@ class LightRecords:
         if light is not None:
             linked = lamp.original.light_linking.receiver_collection
             if linked is not None:
-                self.linked[len(self.lamps)] = linked
+                self.linked[len(self.lamps)] = lit_by(linked)
             self.lamps.append(light)
 
     def read_world(self) -> None:

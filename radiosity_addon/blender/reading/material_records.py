@@ -42,6 +42,18 @@ class MaterialRecords:
         chosen = [override] * max(len(slots), 1) if override else (slots or [None])
         return np.array([self._of(material, group, user) for material in chosen], np.int32)
 
+    def asking(self, of_slots: Int32, slot: Int32) -> list[Asking]:
+        """What the records of slots ask for that triangles (F,) are of.
+
+        Args:
+            of_slots: as of that method
+            slot: (F,), as stored, which may lie beyond the slots
+        """
+        if not any(self.shown[index][1] for index in of_slots):
+            return []
+        used = np.unique(of_slots[np.clip(slot, 0, len(of_slots) - 1)])
+        return [asked for index in used if (asked := self.shown[index][1]) is not None]
+
     def _of(self, material: bpy.types.Material | None, group: int, user: str) -> int:
         shown = original_material(material.original if material is not None else None)
         key = (shown.name_full if shown is not None else "", group)
