@@ -43,7 +43,7 @@ from .radiosity.subdivision import patch_edges
 from .scene import Scene, SunLight
 from .settings import BakeSettings
 from .shading import Shader
-from .stages import Progress, Stage, StageLog
+from .stages import STAGES, Progress, Stage, StageLog
 from .viewing import LiveLight, Satisfied, Viewer, show_first_light
 
 
@@ -97,20 +97,25 @@ LEAST_PATCHES = 2500
 
 
 def bake(
-    scene: Scene, settings: BakeSettings, shade: Shader | None = None, viewer: Viewer | None = None
+    scene: Scene,
+    settings: BakeSettings,
+    shade: Shader | None = None,
+    viewer: Viewer | None = None,
+    shares: Mapping[str, float] = STAGES,
 ) -> Generator[Progress, None, Baked]:
     """Bake a scene. Closing the generator cancels the bake.
 
     Args:
         shade: tells how surfaces look whose materials vary; without it they have their constants all over
         viewer: sees the light while it becomes better, and may end the bake with what there is
+        shares: of the time, that stages are expected to take
 
     Raises:
         BakeError: if the scene can't be baked
     """
     if not any(mesh.lightmapped and len(mesh.triangles) for mesh in scene.meshes):
         raise SceneError("Scene", "there is no surface to bake", "Add a mesh, or enable it for rendering")
-    log = StageLog()
+    log = StageLog(shares)
     every_side = with_backs(scene)
     atlas, first = yield from log.stage("Unwrap", _places(every_side, settings, viewer))
     surfaces = flatten(every_side)

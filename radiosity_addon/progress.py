@@ -75,7 +75,8 @@ def describe(progress: Progress, seconds: float) -> str:
     if progress.rays and seconds > 0:
         parts.append(f"{short_count(progress.rays / seconds)} rays/s")
     if ESTIMATE_SHARE < progress.fraction < 1 and seconds > ESTIMATE_SECONDS:
-        parts.append(f"{duration(seconds * (1 / progress.fraction - 1))} left")
+        left = seconds * (1 / progress.fraction - 1) if progress.left is None else progress.left
+        parts.append(f"{duration(left)} left")
     return ", ".join(parts)
 
 

@@ -28,7 +28,7 @@ from ..stages import NO_RAYS, Progress
 from ..viewing import Viewer
 from .background import MainThread, in_thread
 from .data.names import TEXELS_KEY
-from .last_bake import keep_report
+from .last_bake import keep_report, stage_shares
 from .reading.cycles_shader import CyclesShader
 from .reading.extract import read_scene
 from .reading.extraction import Extraction
@@ -100,7 +100,7 @@ def bake_scene(
         BakeError: with the object or file, the cause and the remedy
     """
     start = time.perf_counter()
-    scene_name = scene.name
+    scene_name, shares = scene.name, stage_shares(scene)
     with ExitStack() as stack:
         folder = job.folder or Path(stack.enter_context(_folder_to_pack()))
         files.make_folder(folder)
@@ -114,11 +114,11 @@ def bake_scene(
         shader = CyclesShader(scene, extraction)
         begun = Progress("Unwrap", READING_SHARE)
         if seat is None:
-            baked = yield from _scaled(bake(extraction.scene, job.settings, shader))
+            baked = yield from _scaled(bake(extraction.scene, job.settings, shader, shares=shares))
         else:
             yield begun
             viewer = seat.taken(_still_there(scene_name), extraction)
-            steps = bake(extraction.scene, job.settings, seat.main.runs(shader.steps), viewer)
+            steps = bake(extraction.scene, job.settings, seat.main.runs(shader.steps), viewer, shares)
             baked = yield from in_thread(_scaled(steps), begun, seat.main)
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
         begin = time.perf_counter()
@@ -254,7 +254,8 @@ def _scaled(steps: Generator[Progress, None, Baked]) -> Generator[Progress, None
     try:
         while True:
             progress = next(steps)
-            yield replace(progress, fraction=READING_SHARE + BAKING_SHARE * progress.fraction)
+            left = None if progress.left is None else progress.left / BAKING_SHARE
+            yield replace(progress, fraction=READING_SHARE + BAKING_SHARE * progress.fraction, left=left)
     except StopIteration as stop:
         baked: Baked = stop.value
         return baked

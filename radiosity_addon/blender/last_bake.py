@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
@@ -16,6 +17,7 @@ from ..errors import SceneError
 from ..estimate import Pace
 from ..reports.report import Report
 from ..reports.report_page import write_report_page
+from ..stages import STAGES, shares_of
 from .data.names import BAKE_KEY, PAGE_KEY, REPORT_KEY, page_images
 
 EXTENSION = __package__.rpartition(".")[0].rpartition(".")[0] if __package__.count(".") > 2 else ""
@@ -94,6 +96,14 @@ def pace(scene: bpy.types.Scene) -> Pace:
     if not _machine:
         _machine["slowness"] = _read_machine()
     return Pace(slowness=_machine["slowness"])
+
+
+def stage_shares(scene: bpy.types.Scene) -> Mapping[str, float]:
+    """What share of the time each stage of the next bake will take: as last time, if that went to its end."""
+    known = json.loads(scene[REPORT_KEY]["report"]) if REPORT_KEY in scene else {}
+    if not known or known["ended_in"]:
+        return STAGES
+    return shares_of({stage["name"]: stage["seconds"] for stage in known["stages"]})
 
 
 def learn(report: Report) -> None:
