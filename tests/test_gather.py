@@ -92,6 +92,11 @@ def tally(elements: list[list[int]], weights: list[list[float]], pilots: int) ->
     )
 
 
+def summed(table: Float32) -> Float32:
+    """Radiances (elements, C) as rays read them: with their sum as a last column."""
+    return np.column_stack([table, table.sum(1)])
+
+
 def test_an_evenly_bright_view_gives_pi_times_its_radiance_whatever_the_weights_sum_to() -> None:
     rng = np.random.default_rng(5)
     table = np.full((20, 3), 0.7, np.float32)
@@ -101,14 +106,14 @@ def test_an_evenly_bright_view_gives_pi_times_its_radiance_whatever_the_weights_
         RayCounts(16, 8),
         np.zeros(50, bool),
     )
-    assert finish(rays.sum(table, 1)) == pytest.approx(np.pi * 0.7, rel=1e-5)
+    assert finish(rays.sum(summed(table), 1)) == pytest.approx(np.pi * 0.7, rel=1e-5)
 
 
 def test_rays_below_the_horizon_count_as_dark_and_those_that_met_nothing_are_made_up_for() -> None:
     table = np.zeros((2 + 3, 1), np.float32)
     table[:2] = 1  # two bright elements, and the rows of BELOW, NOTHING and SKY
     quarter = [np.pi / 4] * 4
-    seen = finish(tally([[0, 1, BELOW, BELOW], [0, 1, NOTHING, 1]], [quarter, quarter], 4).sum(table, 1))
+    seen = finish(tally([[0, 1, BELOW, BELOW], [0, 1, NOTHING, 1]], [quarter, quarter], 4).sum(summed(table), 1))
     assert seen[0, 0] == pytest.approx(np.pi / 2, rel=1e-5)
     assert seen[1, 0] == pytest.approx(np.pi, rel=1e-5)
 
@@ -121,13 +126,13 @@ def test_a_sum_is_the_same_for_any_number_of_threads() -> None:
         RayCounts(48, 16),
         np.arange(3000) % 3 > 0,
     )
-    table = rng.random((99, 6)).astype(np.float32)
+    table = summed(rng.random((99, 6)).astype(np.float32))
     assert np.array_equal(finish(rays.sum(table, 1)), finish(rays.sum(table, 2)))
 
 
 def test_no_points_give_no_light() -> None:
     rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), RayCounts(3, 1), np.zeros(0, bool))
-    assert finish(rays.sum(np.zeros((3, 6), np.float32), 1)).shape == (0, 6)
+    assert finish(rays.sum(np.zeros((3, 7), np.float32), 1)).shape == (0, 6)
 
 
 # where points stand

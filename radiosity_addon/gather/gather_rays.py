@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Float16, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import dots, sums
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Hits, Visibility, passing_chance
 from ..lighting.sky import cells
@@ -20,7 +21,7 @@ from ..sampling import cosine_directions, even_uniform
 from ..settings import BakeSettings
 from .gather_points import GatherPoints, cell_keys
 from .gleams import Gleams
-from .guiding import direction_bins, directions_in, draw_bins, pool
+from .guiding import BINS, direction_bins, directions_in, draw_bins, pool
 
 BELOW = -3
 """A direction below the horizon: it counts, and brings nothing."""
@@ -79,34 +80,39 @@ class Tally:
     gleams: Float32 | None = None
 
     def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
-        """Irradiance (P, C), W/m2, under radiances `table` (elements, C).
+        """Irradiance (P, C), W/m2, under radiances `table` (elements, C + 1), the last column the sum of the others.
 
         The weights should add up to pi and do so only on average, and rays that met nothing that takes part are
         missing. What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact
         where all is equally bright, harmless where a small window outshines the rest.
         """
-        total: Float32 = np.empty((len(self.elements), table.shape[1]), np.float32)
+        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
         for fine in (False, True):
             rows = np.flatnonzero(self.fine == fine)
             columns, pilots = self.counts.columns(fine), self.counts.sent(fine)[0]
 
             def work(start: int, stop: int, rows: Int64 = rows, columns: Int64 = columns, pilots: int = pilots) -> None:
-                chosen = rows[start:stop, None]
-                element = self.elements[chosen, columns]
+                chosen = rows[start:stop]
+                element = self.elements.take(chosen, axis=0).take(columns, axis=1)
+                weight = self.weights.take(chosen, axis=0).take(columns, axis=1)
                 met = element != NOTHING
-                weight = self.weights[chosen, columns] * met
-                radiance = table[element]
+                weight *= met
+                radiance = table.take(element, axis=0)
                 if self.tints is not None:
-                    colors = radiance.reshape(*element.shape, -1, 3)
-                    colors *= self.tints[chosen, columns][:, :, None]
+                    colors = radiance[:, :, :-1].reshape(*element.shape, -1, 3)
+                    colors *= self.tints.take(chosen, axis=0).take(columns, axis=1)[:, :, None]
+                    radiance[:, :, :-1] = colors.reshape(*element.shape, -1)
+                    radiance[:, :, -1] = sums(radiance[:, :, :-1])
                 # which rays are dim is decided by all channels and light groups at once, so that groups add up
-                bright = radiance[:, :pilots].sum(2)
-                count = np.maximum(met[:, :pilots].sum(1), 1)[:, None]
+                bright = np.ascontiguousarray(radiance[:, :pilots, -1])
+                count = np.maximum(np.count_nonzero(met[:, :pilots], axis=1), 1).astype(np.float32)[:, None]
+                missing = np.float32(np.pi) - weight.sum(1)[:, None]
                 level = bright.sum(1)[:, None] / count
-                kept = np.minimum(level / np.maximum(bright, np.float32(1e-30)), 1) / count
-                dim = np.einsum("pr,prc->pc", kept, radiance[:, :pilots])
-                light = np.einsum("pr,prc->pc", weight, radiance)
-                total[rows[start:stop]] = light + dim * (np.float32(np.pi) - weight.sum(1))[:, None]
+                np.maximum(bright, np.float32(1e-30), out=bright)
+                dim = np.minimum(np.divide(level, bright, out=bright), 1, out=bright)
+                dim *= missing / count
+                weight[:, :pilots] += dim
+                total[rows[start:stop]] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
 
             steps = in_chunks(work, len(rows), max(1, RAYS // len(columns)), workers)
             yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
@@ -178,7 +184,8 @@ class GatherRays:
                 rows = np.repeat(np.arange(stop - start), pilots)
                 texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
                 u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
-                directions = cosine_directions(self._texels.shading_normal[texel][rows], u, v)
+                normals = self._texels.shading_normal.take(texel, axis=0)
+                directions = cosine_directions(normals.take(rows, axis=0), u, v)
                 element, hits = self._trace(texel, rows, column, directions)
                 if hits.tint is not None:
                     tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
@@ -186,7 +193,7 @@ class GatherRays:
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
                 harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
-                light[part] = self._bright[elements[part, :pilots]].mean(1)
+                light[part] = self._bright.take(element).reshape(-1, pilots).mean(1)
                 return self._gleaming(element, directions, before + first + start + rows, column)
 
             return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
@@ -226,16 +233,17 @@ class GatherRays:
         texels = self._texels
         strata = texels.origins(np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel)))
         chance = passing_chance(self._visibility, texel[rows], sample)
-        hits = self._visibility.first_hit(strata[rows * STRATA + (sample & (STRATA - 1))], directions, chance)
+        origins = strata.take(rows * STRATA + (sample & (STRATA - 1)), axis=0)
+        hits = self._visibility.first_hit(origins, directions, chance)
         element = self._patches.elements(hits)
         if self._cells:
             left = np.flatnonzero(element == SKY)
             element[left] = cells(directions[left]) + np.int32(texels.count + self._patches.count)
-        shading, geometric = texels.shading_normal[texel], texels.normal[texel]
-        tilted = np.einsum("ij,ij->i", shading, geometric) < 1 - 1e-6
+        shading, geometric = texels.shading_normal.take(texel, axis=0), texels.normal.take(texel, axis=0)
+        tilted = dots(shading, geometric) < 1 - 1e-6
         if tilted.any():
-            ray = np.flatnonzero(tilted[rows])
-            ray = ray[np.einsum("ij,ij->i", directions[ray], geometric[rows[ray]]) <= 0]
+            ray = np.flatnonzero(tilted.take(rows))
+            ray = ray[dots(directions.take(ray, axis=0), geometric.take(rows[ray], axis=0)) <= 0]
             element[ray] = BELOW
         return element, hits
 
@@ -269,15 +277,17 @@ class GatherRays:
             # Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped
             # to fill would count too little (4 % of the light was missing so).
             fold = 2 * (pools - pools[0]) + rank % 2
-            light = self._bright[elements[mine, :pilots]].reshape(-1)  # rays not sent met nothing bright
-            into = bins[mine].reshape(-1).astype(np.int64)
+            sent = elements.take(mine, axis=0)[:, :pilots].reshape(-1)
+            light = self._bright.take(sent)  # rays not sent met nothing bright
+            into = bins.take(mine, axis=0).reshape(-1).astype(np.int64)
             density = pool(np.repeat(fold ^ 1, pilots), int(fold.max()) + 2, into, light)
             for some in (False, True):
                 here = np.flatnonzero(fine[mine] == some)
                 points_here = mine[here]
                 few, rest = self._counts.sent(some)
                 cosine = self._pilot_cosines(points.texel[points_here], few)
-                seen = density[fold[here, None], bins[points_here, :few]]
+                row = BINS * fold[here, None]
+                seen = density.take(row + bins.take(points_here, axis=0)[:, :few])
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
                 lit = density.any(1)[fold[here]]
@@ -289,7 +299,7 @@ class GatherRays:
                     )
                 if tints is not None and tint is not None:
                     tints[points_here, pilots : pilots + rest] = tint
-                seen = density[fold[here, None], drawn]
+                seen = density.take(row + drawn)
                 weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
             return gleaming
 
@@ -317,13 +327,15 @@ class GatherRays:
         sample = np.tile(np.arange(guided), len(texel))
         u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
         directions = directions_in(drawn.reshape(-1), u, v)
-        cosine = np.einsum("ij,ij->i", directions, self._texels.shading_normal[texel][rows])
-        cosine[~lit[rows]] = 0
+        normals = self._texels.shading_normal.take(texel, axis=0)
+        cosine = np.einsum("qsx,qx->qs", directions.reshape(*drawn.shape, 3), normals).reshape(-1)
+        cosine *= np.repeat(lit, guided)
         np.maximum(cosine, 0, out=cosine)
         sent = np.flatnonzero(cosine)
         element = np.full(len(rows), BELOW, np.int32)
-        element[sent], hits = self._trace(texel, rows[sent], sample[sent], directions[sent])
-        gleaming = self._gleaming(element[sent], directions[sent], rows[sent], sample[sent])
+        ways = directions.take(sent, axis=0)
+        element[sent], hits = self._trace(texel, rows[sent], sample[sent], ways)
+        gleaming = self._gleaming(element[sent], ways, rows[sent], sample[sent])
         tint = None
         if hits.tint is not None:
             tint = np.ones((len(rows), 3), np.float32)

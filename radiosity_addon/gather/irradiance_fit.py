@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks
+from ..columns import dots, sums
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import hidden
@@ -57,15 +58,15 @@ def fit_irradiance(
         texel = taking[start:stop]
         cells, row = np.unique(points.cell[texel], return_inverse=True)
         plane = _Plane(cells, texels, points, neighbours)
-        x, y = plane.project(texels.position[texel], row)
-        weight, reach = _weights(x, y, plane.width[row])
+        x, y = plane.project(texels.position.take(texel, axis=0), row)
+        weight, reach = _weights(x, y, plane.width.take(row, axis=0))
         crowded = np.flatnonzero(neighbours.crowded[cells][row])
         if len(crowded):
-            clear = np.minimum(neighbours.clear[cells, None], neighbours.clear[plane.point])
-            _leave_out_hidden(weight, crowded, texels, texel, plane.texel[row], clear[row], visibility)
+            clear = np.minimum(neighbours.clear[cells, None], neighbours.clear.take(plane.point))
+            _leave_out_hidden(weight, crowded, texels, texel, plane.texel, clear, row, visibility)
         lonely = weight.sum(1) <= 0
         weight[lonely, 0] = 1
-        values = irradiance[plane.point]
+        values = irradiance.take(plane.point, axis=0)
         fitted = _fit(weight, x, y, reach, values, row)
         result[texel] = _kept_in_range(fitted, weight, values, row)
 
@@ -96,7 +97,7 @@ class _Plane:
         b = normal[:, 0] * normal[:, 1] * a
         self._tangent = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
         self._other = np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
-        gap = texels.position[self.texel] - self._origin[:, None]
+        gap = texels.position.take(self.texel, axis=0) - self._origin[:, None]
         self._x = np.einsum("ckx,cx->ck", gap, self._tangent)
         self._y = np.einsum("ckx,cx->ck", gap, self._other)
         padding = np.arange(most) >= count[:, None]
@@ -105,10 +106,12 @@ class _Plane:
 
     def project(self, position: Float32, row: Int64) -> tuple[Float32, Float32]:
         """Offsets (T, K), m, of the neighbours from texels at `position` (T, 3) of cells row (T,)."""
-        gap = position - self._origin[row]
-        x, y = self._x[row], self._y[row]
-        x -= np.einsum("tx,tx->t", gap, self._tangent[row])[:, None]
-        y -= np.einsum("tx,tx->t", gap, self._other[row])[:, None]
+        origin, tangent, other, x, y = (
+            rows.take(row, axis=0) for rows in (self._origin, self._tangent, self._other, self._x, self._y)
+        )
+        gap = position - origin
+        x -= dots(gap, tangent)[:, None]
+        y -= dots(gap, other)[:, None]
         return x, y
 
 
@@ -118,16 +121,16 @@ def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64
     Brightness is the sum of all columns, so that light groups add up. Where a colour would be less than nothing, all
     columns alike move towards the mean of the points until it is not.
     """
-    bright = values.sum(2)
+    bright = sums(values)
     low, high = bright.min(1), bright.max(1)
     slack = OVERSHOOT * (high - low)
-    lost = np.flatnonzero(fitted.sum(1) <= 0)
+    lost = np.flatnonzero(sums(fitted) <= 0)
     share = weight[lost] / weight[lost].sum(1)[:, None]
     fitted[lost] = np.einsum("tk,tkc->tc", share, values[row[lost]])
-    total = fitted.sum(1)
+    total = sums(fitted)
     wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
     fitted *= np.divide(wanted, total, out=np.ones_like(total), where=total > 0)[:, None]  # negative lamps: the mean
-    below = np.flatnonzero((fitted < 0).any(1))
+    below = np.flatnonzero(np.minimum.reduce(fitted.T.copy()) < 0)
     if len(below):
         share = weight[below] / weight[below].sum(1)[:, None]
         mean = np.einsum("tk,tkc->tc", share, values[row[below]])
@@ -160,17 +163,23 @@ def _leave_out_hidden(
     texel: Int32,
     beside: Int64,
     clear: Float32,
+    row: Int64,
     visibility: Visibility,
 ) -> None:
     """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see.
 
     Args:
-        clear: (T, K) height, m, that is clear over both
+        beside: (cells, K)
+        clear: (cells, K) height, m, that is clear over both
+        row: (T,) cell of each texel
     """
-    row, column = np.nonzero(weight[crowded] > 0)
-    row = crowded[row]
-    blocked = hidden(texels, texel[row], beside[row, column], visibility, most=clear[row, column])
-    weight[row[blocked], column[blocked]] = 0
+    count = weight.shape[1]
+    pair = np.flatnonzero(weight.take(crowded, axis=0) > 0)
+    one = crowded.take(pair // count)
+    column = pair % count
+    pair = row.take(one) * count + column
+    blocked = hidden(texels, texel.take(one), beside.take(pair), visibility, most=clear.take(pair))
+    weight[one[blocked], column[blocked]] = 0
 
 
 def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float32, row: Int64) -> Float32:
@@ -195,4 +204,4 @@ def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float3
     x += y
     np.subtract(1, x, out=x)
     x *= weight
-    return np.asarray(np.einsum("tk,tkc->tc", x, values[row]) / total[:, None], np.float32)
+    return np.asarray(np.einsum("tk,tkc->tc", x, values.take(row, axis=0)) / total[:, None], np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import dots
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import lift
@@ -78,25 +79,28 @@ def find_neighbours(
     texels: Texels, points: GatherPoints, visibility: Visibility, workers: int
 ) -> Fractions[Neighbours]:
     """Points that may count for the texels of each cell."""
-    position = texels.position[points.texel]
-    normal = texels.shading_normal[points.texel]
+    position, normal = (rows.take(points.texel, axis=0) for rows in (texels.position, texels.shading_normal))
     jobs = _jobs(position, normal, points)
     clear = yield from scaled(_clear_heights(texels, points, visibility, workers), 0, 0.1)
 
     def work(start: int, stop: int) -> tuple[Int64, Int64, Float32, Int64]:
         cell, point, gap, distance = jobs[start].pairs()
-        narrower = np.minimum(points.width[point], points.width[cell])
-        beyond = np.asarray((distance - np.float32(CELL_RADIUS) * points.width[cell]) / narrower, np.float32)
-        facing = np.einsum("ij,ij->i", normal[cell], normal[point])
-        height = np.abs(np.einsum("ij,ij->i", gap, normal[cell] + normal[point])) / 2
+        width = points.width.take(cell)
+        narrower = np.minimum(points.width.take(point), width)
+        beyond = np.asarray((distance - np.float32(CELL_RADIUS) * width) / narrower, np.float32)
+        here, there = normal.take(cell, axis=0), normal.take(point, axis=0)
+        facing = dots(here, there)
+        there += here
+        height = np.abs(dots(gap, there)) / 2
         alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
         order = alike[_by_cell(cell[alike], beyond[alike])]
         order = order[_rank(cell[order]) < NEIGHBOURS]
-        cell, point, gap, distance, beyond = cell[order], point[order], gap[order], distance[order], beyond[order]
-        up = lift(distance, facing[order], texels.surfaces.offset)
+        cell, point, distance, beyond = cell[order], point[order], distance[order], beyond[order]
+        up = lift(distance, facing.take(order), texels.surfaces.offset)
         np.minimum(up, np.minimum(clear[cell], clear[point])[:, None], out=up)  # else a wall's dark shows on a picture
-        origins = position[cell] + normal[cell] * up
-        blocked = visibility.occluded(origins, gap + (normal[point] - normal[cell]) * up) & (distance > 0)
+        here, there = normal.take(cell, axis=0), normal.take(point, axis=0)
+        origins = position.take(cell, axis=0) + here * up
+        blocked = visibility.occluded(origins, gap.take(order, axis=0) + (there - here) * up) & (distance > 0)
         return cell[~blocked], point[~blocked], beyond[~blocked], cell[blocked]
 
     parts = yield from scaled(in_chunks(work, len(jobs), 1, workers), 0.1, 1)
@@ -127,7 +131,7 @@ def _clear_heights(texels: Texels, points: GatherPoints, visibility: Visibility,
     def work(start: int, stop: int) -> None:
         texel = points.texel[start:stop]
         origins = texels.origins(texel, np.zeros(len(texel), np.int64))
-        height[start:stop] = visibility.first_hit(origins, texels.normal[texel]).distance
+        height[start:stop] = visibility.first_hit(origins, texels.normal.take(texel, axis=0)).distance
 
     yield from in_chunks(work, points.count, RAYS, workers)
     return np.maximum(height / 2, np.float32(texels.surfaces.offset))
@@ -179,11 +183,11 @@ class _Job:
         run = np.repeat(np.arange(len(size)), size)
         point = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
         cell = rows[run]
-        gap = self.point_place[point]
-        gap -= self.cell_place[cell]
-        squared: Float32 = np.einsum("ij,ij->i", gap, gap)
+        gap = self.point_place.take(point, axis=0)
+        gap -= self.cell_place.take(cell, axis=0)
+        squared = dots(gap, gap)
         near = np.flatnonzero(squared < self.radius**2)
-        return self.cell[cell[near]], self.point[point[near]], gap[near], np.sqrt(squared[near])
+        return self.cell[cell[near]], self.point[point[near]], gap.take(near, axis=0), np.sqrt(squared[near])
 
 
 def _jobs(position: Float32, normal: Float32, points: GatherPoints) -> list[_Job]:

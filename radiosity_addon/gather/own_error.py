@@ -19,6 +19,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import dots, sums
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility, passing_chance
 from ..lighting.lights import Lamps, irradiance_at
@@ -182,8 +183,7 @@ class _Shown:
 
 def _luminance(light: Float32) -> Float32:
     """Light (P, 3 G) of all groups as one number (P,), channels alike."""
-    mixed: Float32 = light.sum(1) / np.float32(3)
-    return mixed
+    return sums(light) / np.float32(3)
 
 
 def _indirect(
@@ -202,7 +202,7 @@ def _indirect(
     texel = np.repeat(ids, rays)
     seeds = np.repeat(hash_bits(ids * 2 + half, 11).astype(np.int64), rays)
     u, v = (even_uniform(seeds, sample, dimension) for dimension in (0, 1))
-    directions = cosine_directions(texels.shading_normal[texel], u, v)
+    directions = cosine_directions(texels.shading_normal.take(texel, axis=0), u, v)
     hits = visibility.first_hit(texels.origins(texel, sample), directions, passing_chance(visibility, seeds, sample))
     element = patches.elements(hits)
     if len(light.sky):
@@ -214,7 +214,7 @@ def _indirect(
         seen[ray] += _luminance(more * np.repeat(light.passes[-1].reflecting, 3))
     if hits.tint is not None:
         seen *= hits.tint.mean(1)
-    above = np.einsum("ij,ij->i", directions, texels.normal[texel]) > 0
+    above = dots(directions, texels.normal.take(texel, axis=0)) > 0
     seen *= above
     back *= above
     return np.pi * seen.reshape(-1, rays).mean(1, dtype=np.float64), back.reshape(-1, rays).mean(1, dtype=np.float64)
@@ -226,7 +226,7 @@ def _direct(
     """Irradiance (P,), W/m2, from lamps at texels, each asked from points spread over the footprint."""
     texel = np.repeat(ids, points)
     sample = np.tile(np.arange(points), len(ids)) + np.repeat(half, points) * points
-    normals = texels.shading_normal[texel]
+    normals = texels.shading_normal.take(texel, axis=0)
     mesh = texels.surfaces.shown_mesh(texels.triangle[texel, 0])
     seeds = texel * 64 + sample + 5
     light = irradiance_at(lamps, texels.origins(texel, sample), normals, visibility, STRATA, seeds, groups, mesh)

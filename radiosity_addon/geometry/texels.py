@@ -122,8 +122,7 @@ class Texels:
         return self.surfaces.points(triangle, weights), triangle
 
     def _strata(self, stratum: Int64 | Int32) -> tuple[Int32, Float32]:
-        pairs = self.barycentric.reshape(-1).view(np.int64)  # one gather for both weights
-        return self.triangle.reshape(-1)[stratum], pairs[stratum].view(np.float32).reshape(-1, 2)
+        return self.triangle.reshape(-1).take(stratum), self.barycentric.reshape(-1, 2).take(stratum, axis=0)
 
     def origins(self, texels: Int64 | Int32, sample: Int64 | Int32) -> Float32:
         """Ray origins (R, 3): `points`, lifted off the surface."""

@@ -10,11 +10,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
+from ..columns import dots
 from ..errors import BakeError
 from ..sampling import even_uniform, hash_bits, hash_uniform
 from .transmittance import Transmittance
@@ -73,10 +74,15 @@ class Tally:
     shadow_seconds: float = 0.0
 
     def __add__(self, more: Tally) -> Tally:
-        return Tally(*(one + other for one, other in zip(astuple(self), astuple(more), strict=True)))
+        return Tally(
+            self.closest + more.closest,
+            self.closest_seconds + more.closest_seconds,
+            self.shadow + more.shadow,
+            self.shadow_seconds + more.shadow_seconds,
+        )
 
     def __sub__(self, less: Tally) -> Tally:
-        return Tally(*(one - other for one, other in zip(astuple(self), astuple(less), strict=True)))
+        return self + Tally(-less.closest, -less.closest_seconds, -less.shadow, -less.shadow_seconds)
 
     @property
     def seconds(self) -> float:
@@ -107,7 +113,7 @@ class _Tree:
             raise BakeError(
                 "embreex", f"the ray-tracing library did not load ({error})", "Install the zip made for this platform"
             ) from error
-        self.number = None if chosen is None else chosen.astype(np.int32)
+        self.number = None if chosen is None else np.append(chosen, -1).astype(np.int32)  # -1, no triangle, stays so
         if chosen is not None:
             corners = corners[chosen]
         self.empty = len(corners) == 0
@@ -144,8 +150,8 @@ class _Tree:
         self._meter.add(Tally(closest=count, closest_seconds=time.thread_time() - start))
         triangle = found["primID"]
         if self.number is not None:
-            triangle = np.where(triangle >= 0, self.number[triangle], np.int32(-1))
-        facing = np.einsum("ij,ij->i", found["Ng"], directions) < 0
+            triangle = self.number.take(triangle)
+        facing = dots(found["Ng"], directions) < 0
         return Hits(triangle, found["u"], found["v"], found["tfar"], facing), found["Ng"]
 
 

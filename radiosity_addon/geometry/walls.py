@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import dots
 from .texels import STRATA, Texels
 from .visibility import Hits, Visibility
 
@@ -69,11 +70,11 @@ class Walls:
         """Which of the hits (R,) on fronts of texels (R,), -1 for none, are beyond the wall that stands on theirs."""
         if not len(self.planes):
             return np.zeros(0, np.int64)
-        near = np.flatnonzero(texels.crossed[texel] & (texel >= 0) & hits.front)
+        near = np.flatnonzero(texels.crossed.take(texel) & (texel >= 0) & hits.front)
         points = texels.surfaces.points(hits.triangle[near], np.stack([hits.u[near], hits.v[near]], axis=1))
-        planes = self.planes[self.row[texel[near]]]
-        height = np.einsum("rkx,rx->rk", planes[:, :, :3], points) + planes[:, :, 3]
-        beyond: Bools = (height < 0).any(1)
+        planes = self.planes.take(self.row[texel[near]], axis=0)
+        height = np.einsum("rkx,rx->kr", planes[:, :, :3], points) + planes[:, :, 3].T
+        beyond: Bools = (height < 0).any(0)
         return np.asarray(near[beyond])
 
 
@@ -103,16 +104,18 @@ def hidden(
         side: 1 for fronts, -1 for backs
         steep: how many times higher than over an arc the surface may rise between them
     """
-    normal, other = texels.shading_normal[here], texels.shading_normal[there]
-    start = texels.position[here]
-    span = texels.position[there] - start
-    distance = np.sqrt(np.einsum("ij,ij->i", span, span))
-    up = lift(distance * np.float32(steep), np.einsum("ij,ij->i", normal, other), texels.surfaces.offset)
+    normal, other = (texels.shading_normal.take(ids, axis=0) for ids in (here, there))
+    start, span = (texels.position.take(ids, axis=0) for ids in (here, there))
+    span -= start
+    distance = np.sqrt(dots(span, span))
+    up = lift(distance * np.float32(steep), dots(normal, other), texels.surfaces.offset)
     if most is not None:
         np.minimum(up, most[:, None], out=up)
     up *= np.float32(side)
     start += normal * up
-    span += (other - normal) * up
+    other -= normal
+    other *= up
+    span += other
     return np.asarray(visibility.occluded(start, span) & (here != there))
 
 

@@ -82,15 +82,15 @@ class Patches:
 
     def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
         """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
-        number = self.strata.number[patches]
+        number = self.strata.number.take(patches)
         chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
         np.minimum(chosen, number - 1, out=chosen)
-        chosen += self.strata.start[patches]
+        chosen += self.strata.start.take(patches)
         surfaces = self.texels.surfaces
         points, triangle = self.texels.stratum_points(self.strata.at(chosen))
         normals = surfaces.normals(triangle)
         if self.has_backs:
-            normals *= self.sides[patches, None]
+            normals *= self.sides.take(patches)[:, None]
         points += normals * np.float32(surfaces.offset)
         return points, normals
 
@@ -114,8 +114,10 @@ class Patches:
     def at(self, hits: Hits) -> Int32:
         """The patch (R,) that each ray met, SKY or NOTHING."""
         element = self.elements(hits)
-        met = self.of_element[np.maximum(element, 0)]
-        return np.where(element >= 0, met, element)
+        met = self.of_element.take(element, mode="clip")
+        beside = np.flatnonzero(element < 0)
+        met[beside] = element[beside]
+        return met
 
     def mean(self, values: Float32, share: Float32 | ByTriangle | None = None) -> Float64:
         """Area-weighted means (N, ..., 3) of texel values (T, ..., 3) over the front patches; 0 on backs.
