@@ -102,7 +102,7 @@ def bake_ours(task: dict[str, Any]) -> dict[str, Any]:
     runs = []
     for repeat in range(task["repeat"]):
         extraction = extract_scene(bpy.context.scene)
-        runs.append(finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene, extraction))))
+        runs.append(finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene.name, extraction))))
         if repeat == 0:
             np.save(task["file"], np.stack(runs[0].pages))
             whole, peak = time.time() - task["spawned"], memory()[1]

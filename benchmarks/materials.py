@@ -75,7 +75,7 @@ def main() -> None:
     # The wall's plan is its layout: each tile lies on the page as it does in the scene, and its neighbours touch it.
     uv = tuple((mesh.vertices[mesh.triangles][..., :2] + 0.5) / side for mesh in extraction.scene.meshes)
     layout = Layout(options.size, 1, np.zeros(options.count, np.int32), uv)
-    shader, every = CyclesShader(bpy.context.scene, extraction), np.ones(options.count, bool)
+    shader, every = CyclesShader(bpy.context.scene.name, extraction), np.ones(options.count, bool)
     texels = options.size**2 * options.count / side**2 / 1e6
     print(f"{options.count} materials, {texels:.2f} million texels")
     print("| quantity | seconds a million texels | processor seconds |\n| --- | --- | --- |")

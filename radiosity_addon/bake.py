@@ -205,10 +205,13 @@ def bake(
 def _places(
     scene: Scene, settings: BakeSettings, viewer: Viewer | None
 ) -> Generator[float, None, tuple[Atlas, FirstLight | None]]:
-    """Where surfaces lie; while charts are made, a viewer gets something to see."""
+    """Where surfaces lie; a viewer gets something to see before, and more of it while charts are made."""
     if viewer is None:
         return (yield from build_atlas(scene, settings)), None
-    return (yield from while_aside(build_atlas(scene, settings), show_first_light(scene, viewer)))
+    showing = show_first_light(scene, viewer)
+    while not next(showing):
+        yield 0.0
+    return (yield from while_aside(build_atlas(scene, settings), showing))
 
 
 def _transmittance(

@@ -80,17 +80,29 @@ class Satisfied(Exception):
     """Ends a bake early; the message is the stage in which that was."""
 
 
-def show_first_light(scene: Scene, viewer: Viewer) -> Generator[None, None, FirstLight]:
-    """The first light of a scene, backs included, shown as soon as it is there."""
-    light = yield from first_light(scene)
+def show_first_light(scene: Scene, viewer: Viewer) -> Generator[bool, None, FirstLight]:
+    """The first light of a scene, backs included, shown as soon as it is there; yields whether it was."""
+    steps = first_light(scene)
+    try:
+        while True:
+            glimpse = next(steps)
+            if glimpse is not None:
+                viewer.show(_at_vertices(scene, glimpse))
+            yield glimpse is not None
+    except StopIteration as stop:
+        light: FirstLight = stop.value
+    viewer.show(_at_vertices(scene, light))
+    return light
+
+
+def _at_vertices(scene: Scene, light: FirstLight) -> LitVertices:
     vertices = light.vertices
     surfaces = vertices.surfaces
     position = surfaces.points(vertices.triangle, vertices.weights) + surfaces.origin.astype(np.float32)
     pieces, triangle = vertices.pieces()
     mesh = surfaces.mesh[triangle]
     shown = np.array([each.lightmapped for each in scene.meshes])[mesh]
-    viewer.show(LitVertices(position, light.radiance[vertices.sample], pieces[shown], mesh[shown]))
-    return light
+    return LitVertices(position, light.radiance[vertices.sample], pieces[shown], mesh[shown])
 
 
 class LiveLight:

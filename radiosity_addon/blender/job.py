@@ -54,11 +54,11 @@ class Seat:
     """A place in a window for who looks on at a bake.
 
     Attributes:
-        taken: gives the viewer, once the scene was read
+        taken: once the scene was read; what it gives tells the viewer by the records, in the bake's own thread
         main: runs what only the main thread can
     """
 
-    taken: Callable[[bpy.types.Scene, Extraction], Viewer]
+    taken: Callable[[bpy.types.Scene], Callable[[Extraction], Viewer]]
     main: MainThread = field(default_factory=MainThread)
 
 
@@ -107,19 +107,19 @@ def bake_scene(
         files.lock(folder)
         reading = Progress("Read scene", 0.0)
         yield reading
-        placing = (yield from _as_part_of(reading, read_scene(scene, job.objects or None))).extraction()
-        records = _as_part_of(reading, placing)
-        extraction = yield from records if seat is None else in_thread(records, reading)
-        read = time.perf_counter()
-        shader = CyclesShader(scene, extraction)
-        begun = Progress("Unwrap", READING_SHARE)
-        if seat is None:
-            baked = yield from _scaled(bake(extraction.scene, job.settings, shader, shares=shares))
-        else:
-            yield begun
-            viewer = seat.taken(_still_there(scene_name), extraction)
-            steps = bake(extraction.scene, job.settings, seat.main.runs(shader.steps), viewer, shares)
-            baked = yield from in_thread(_scaled(steps), begun, seat.main)
+        reader = yield from _as_part_of(reading, read_scene(scene, job.objects or None))
+        viewer_of = seat.taken(scene) if seat is not None else None
+
+        def steps() -> Generator[Progress, None, tuple[Extraction, float, Baked]]:
+            extraction = yield from _as_part_of(reading, reader.extraction())
+            read = time.perf_counter()
+            shader = CyclesShader(scene_name, extraction)
+            shade = shader if seat is None else seat.main.runs(shader.steps)
+            viewer = viewer_of and viewer_of(extraction)
+            baked = yield from _scaled(bake(extraction.scene, job.settings, shade, viewer, shares))
+            return extraction, read, baked
+
+        extraction, read, baked = yield from steps() if seat is None else in_thread(steps(), reading, seat.main)
         last = Progress("Write files", READING_SHARE + BAKING_SHARE, baked.residual, baked.rays)
         begin = time.perf_counter()
         paths = page_paths(folder, job.stem, len(baked.pages), job.page_format.suffix)

@@ -42,8 +42,10 @@ SHADOW_RAYS = 4
 PATCH_WIDTH = 2.0
 """Of patches, in vertex spacings."""
 
-RAYS_IN_ALL, FEWEST_RAYS, MOST_RAYS = 128_000, 48, 256
-"""Of all patches together, and of each: few patches can afford many."""
+GLIMPSE = 24_000, 12, 64
+RAYS = 128_000, 48, 256
+"""Rays of all patches together, and fewest and most of each, for a first look and for good: few patches can afford
+many."""
 
 BOUNCES = 12
 
@@ -95,22 +97,25 @@ class FirstLight:
         return self.vertices.between(values, texels.triangle[:, 0], texels.barycentric[:, 0])
 
 
-def first_light(scene: Scene) -> Generator[None, None, FirstLight]:
-    """The light of a scene, backs included, at the vertices of its triangles; materials are alike all over."""
+def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:
+    """The light of a scene, backs included, at the vertices of its triangles; materials are alike all over.
+
+    Yields nothing between its steps, and the same light from fewer rays as soon as there is some.
+    """
     surfaces = flatten(scene)
     fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
-    yield
+    yield None
     visibility = Visibility(
         fronts.corners, transmittance_of(scene, fronts, None, 0.0), surfaces.offset, fronts.met, fronts.casts
     )
-    yield
+    yield None
     sky = sky_of(scene.world)
     lamps = lamps_of(scene, fronts, () if sky is None else sky.suns, glow_of(scene, fronts, None)[0])
-    yield
+    yield None
     spacing = float(np.sqrt(surfaces.area.sum() / SPACINGS))
     vertices = place_vertices(surfaces, spacing, MOST_SAMPLES)
-    yield
+    yield None
     direct = yield from _direct(lamps, vertices, visibility, len(scene.groups))
     triangle = vertices.triangle[vertices.seat]
     material = surfaces.material[triangle]
@@ -119,9 +124,14 @@ def first_light(scene: Scene) -> Generator[None, None, FirstLight]:
     glow = emission * ~lamps.sampled[surfaces.front[triangle]][:, None]
     leaving = direct * reflectance + np.float32(np.pi) * glow
     patches = _Patches.of(vertices, PATCH_WIDTH * spacing)
-    received = patches.exchange(patches.mean(leaving), patches.mean(reflectance), visibility, scene, sky)
-    yield
-    return FirstLight(vertices, direct, patches.between(received), reflectance, emission)
+    shared = patches.mean(leaving), patches.mean(reflectance)
+
+    def lit(rays: tuple[int, int, int]) -> FirstLight:
+        received = patches.exchange(*shared, visibility, scene, sky, rays)
+        return FirstLight(vertices, direct, patches.between(received), reflectance, emission)
+
+    yield lit(GLIMPSE)
+    return lit(RAYS)
 
 
 def _direct(lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: int) -> Generator[None, None, Float32]:
@@ -173,13 +183,24 @@ class _Patches:
         return (np.stack(sums, axis=1) / np.bincount(self.owner, minlength=len(self.names))[:, None]).astype(np.float32)
 
     def exchange(
-        self, leaving: Float32, reflectance: Float32, visibility: Visibility, scene: Scene, sky: Sky | None
+        self,
+        leaving: Float32,
+        reflectance: Float32,
+        visibility: Visibility,
+        scene: Scene,
+        sky: Sky | None,
+        allowed: tuple[int, int, int],
     ) -> Float32:
-        """Irradiance (P, 3), W/m2, from other patches and the sky after some bounces of what first leaves patches."""
+        """Irradiance (P, 3), W/m2, from other patches and the sky after some bounces of what first leaves patches.
+
+        Args:
+            allowed: rays of all patches together, and fewest and most of each
+        """
         surfaces = self.vertices.surfaces
         count, own = len(self.names), np.argsort(self.owner, kind="stable")
         number = np.bincount(self.owner, minlength=count)
-        rays = min(max(RAYS_IN_ALL // count, FEWEST_RAYS), MOST_RAYS)
+        in_all, fewest, most = allowed
+        rays = min(max(in_all // count, fewest), most)
         patch = np.repeat(np.arange(count), rays)
         ray = np.tile(np.arange(rays), count)
         sender = own[(np.cumsum(number) - number)[patch] + ray * number[patch] // rays]

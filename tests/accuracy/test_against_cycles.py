@@ -84,7 +84,7 @@ def against_cycles(name: str, settings: BakeSettings) -> tuple[Comparison, Refer
     assert fingerprint(blend) == references.scene, f"{blend.name} has changed: run make_references.py {name}"
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     extraction = extract_scene(bpy.context.scene)
-    baked = finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene, extraction)))
+    baked = finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene.name, extraction)))
     return compare(baked, extraction.scene, references), references
 
 

@@ -47,7 +47,7 @@ def bar() -> tuple[Baked, Scene]:
     bpy.ops.wm.open_mainfile(filepath=str(HERE / "scenes" / "bar.blend"))
     extraction = extract_scene(bpy.context.scene)
     settings = BakeSettings(page_size=PAGE, quality="medium")
-    return finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene, extraction))), extraction.scene
+    return finish(bake(extraction.scene, settings, CyclesShader(bpy.context.scene.name, extraction))), extraction.scene
 
 
 def test_gloss_taken_as_diffuse_keeps_nearly_all_light_and_most_places(bar: tuple[Baked, Scene]) -> None:

@@ -71,7 +71,7 @@ def pages(quantity: Quantity = "emission", layout: Layout | None = None) -> dict
     """The page of each object, by its name."""
     extraction = extract_scene(bpy.context.scene)
     layout = layout or layout_of(extraction)
-    shade = CyclesShader(bpy.context.scene, extraction)
+    shade = CyclesShader(bpy.context.scene.name, extraction)
     shown = shade(layout, np.ones(len(extraction.scene.meshes), bool), quantity)
     return {source.object_name: page for source, page in zip(extraction.sources, shown, strict=True)}
 

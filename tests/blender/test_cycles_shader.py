@@ -224,7 +224,7 @@ def test_text_has_generated_coordinates_over_its_box():
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     cells = lay_cells([mesh], 20.0, 128)[0]
     layout = Layout(128, 1, np.zeros(1, np.int32), (cells.uv,))
-    page = CyclesShader(bpy.context.scene, extraction)(layout, np.ones(1, bool), "emission")[0]
+    page = CyclesShader(bpy.context.scene.name, extraction)(layout, np.ones(1, bool), "emission")[0]
     column, row = (cells.uv.mean(1) * 128).astype(int).T
     middle = (mesh.vertices[mesh.triangles].mean(1) - low) / (high - low)
     assert np.abs(page[row, column] - middle)[:, :2].max() < 0.2  # somewhere in the triangle
@@ -244,7 +244,7 @@ def test_instances_have_places_and_numbers_of_their_own():
         bpy.context.scene.collection.objects.link(empty)
     plane("Floor", emitting(checkers, "Floor"))
     extraction = extract_scene(bpy.context.scene)
-    shown = CyclesShader(bpy.context.scene, extraction)(layout_of(extraction), np.ones(5, bool), "emission")
+    shown = CyclesShader(bpy.context.scene.name, extraction)(layout_of(extraction), np.ones(5, bool), "emission")
     found = [(source.object_name, page[32, 32]) for source, page in zip(extraction.sources, shown, strict=True)]
     places = sorted(color.tolist() for name, color in found if name == "One")
     assert places == [[0, 0, 1], [0, 0, 2]]
@@ -372,7 +372,7 @@ def test_a_material_that_is_gone_is_an_error_that_leaves_nothing():
     bpy.data.materials["Paint"].name = "Other"
     before = snapshot()
     with pytest.raises(SceneError, match="'Paint': was renamed or deleted"):
-        CyclesShader(bpy.context.scene, extraction)(layout_of(extraction), np.ones(1, bool), "emission")
+        CyclesShader(bpy.context.scene.name, extraction)(layout_of(extraction), np.ones(1, bool), "emission")
     assert differences(before, snapshot()) == []
 
 
@@ -387,7 +387,7 @@ def test_triangles_smaller_than_a_texel_are_shown_too():
     cell = np.stack([np.arange(count) % 12, np.arange(count) // 12], axis=1)[:, None] * 5 + 2.1
     uv = (cell + np.array([[0, 0], [0.2, 0], [0, 0.2]])) / SIZE
     layout = Layout(SIZE, 1, np.zeros(1, np.int32), (uv.astype(np.float32),))
-    page = CyclesShader(bpy.context.scene, extraction)(layout, np.ones(1, bool), "emission")[0]
+    page = CyclesShader(bpy.context.scene.name, extraction)(layout, np.ones(1, bool), "emission")[0]
     middle = mesh.vertices[mesh.triangles].mean(1)
     column, row = cell[:, 0].astype(int).T
     assert np.abs(page[row, column] - middle).max() < 1e-3

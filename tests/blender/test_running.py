@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -35,8 +36,8 @@ class Onlooker:
     def show(self, view: View) -> None:
         self.views.append(view)
 
-    def seat(self, scene: bpy.types.Scene, extraction: Extraction) -> Onlooker:
-        return self
+    def seat(self, scene: bpy.types.Scene) -> Callable[[Extraction], Onlooker]:
+        return lambda extraction: self
 
 
 @pytest.fixture(autouse=True)

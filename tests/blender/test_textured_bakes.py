@@ -60,7 +60,7 @@ def wall_before(*panels: bpy.types.Object) -> Float32:
         thing.radiosity.only_casts = True
     bpy.context.view_layer.update()
     extraction = extract_scene(bpy.context.scene)
-    baked = finish(bake(extraction.scene, DRAFT, CyclesShader(bpy.context.scene, extraction)))
+    baked = finish(bake(extraction.scene, DRAFT, CyclesShader(bpy.context.scene.name, extraction)))
     assert baked.warnings == ()
     for thing in (wall, *panels):
         bpy.data.objects.remove(thing)

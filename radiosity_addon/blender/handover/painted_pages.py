@@ -51,7 +51,7 @@ def paint(scene: bpy.types.Scene, lit: LitSet, page_count: int, size: int) -> di
     uv = tuple(_uv_at(part, mesh) for part, mesh in zip(parts, meshes, strict=True))
     page = np.array([-1 if part is None else part.lit_by.page for part in parts], np.int32)
     layout = Layout(max(size, min(FINER * size, FINE_ENOUGH)), page_count, page, uv)
-    shader = CyclesShader(scene, extraction)
+    shader = CyclesShader(scene.name, extraction)
     return {quantity: list(shader(layout, page >= 0, quantity)) for quantity in wanted}
 
 

@@ -49,6 +49,7 @@ class LiveView:
     """Draws what a bake shows; a viewing.Viewer.
 
     Attributes:
+        visible: (M,) of the meshes, those of backs included, which to draw
         table: how light is shown, as of display_table; nothing is drawn without
         satisfied: set to True to have the bake end with the light as it was shown last
         fresh: there is more to see than was drawn
@@ -56,16 +57,13 @@ class LiveView:
         drawing: seconds that the longest drawing has taken
     """
 
-    def __init__(self, visible: Bools) -> None:
-        """Args:
-        visible: (M,) of the meshes, those of backs included, which to draw
-        """
+    def __init__(self) -> None:
+        self.visible: Bools = np.zeros(0, bool)
         self.table: Float32 | None = None
         self.satisfied = False
         self.first_at: float | None = None
         self.drawing = 0.0
         self.fresh = False
-        self._visible = visible
         self._next: Pieces | None = None
         self._batches: list[tuple[gpu.types.GPUBatch, gpu.types.GPUTexture | None]] = []
         self._shaders: dict[bool, gpu.types.GPUShader] = {}
@@ -75,7 +73,7 @@ class LiveView:
     def show(self, view: View) -> None:
         """Called in the bake's thread."""
         self._next = (
-            _of_vertices(view, self._visible) if isinstance(view, LitVertices) else _of_pages(view, self._visible)
+            _of_vertices(view, self.visible) if isinstance(view, LitVertices) else _of_pages(view, self.visible)
         )
         self.fresh = True
 

@@ -24,7 +24,7 @@ IN_FILE = ("Read scene", "Write back")
 """Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
-WORK_SECONDS = 0.06
+WORK_SECONDS = 0.03
 """Time of a tick that is spent on what only the main thread can do, where that comes in steps: after each tick Blender
 may evaluate and draw the scene anew."""
 
@@ -56,9 +56,11 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         self._seat = Seat(Running.seat)
         self._steps = bake_in_place(context.scene, self._seat)
         self._timer = context.window_manager.event_timer_add(TICK_SECONDS, window=context.window)
-        context.window_manager.modal_handler_add(self)
         Running.begin()
-        return {"RUNNING_MODAL"}
+        ended = self._go_on(context)  # the bake is under way before the window is drawn again
+        if not ended:
+            context.window_manager.modal_handler_add(self)
+        return ended or {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if Running.cancelled or (event.type == "ESC" and event.value == "PRESS"):
@@ -68,6 +70,14 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         if event.type != "TIMER":  # what the bake is doing to the file is not to be disturbed
             in_file = self._seat.main.busy or Running.progress.stage in IN_FILE
             return {"RUNNING_MODAL" if in_file else "PASS_THROUGH"}
+        ended = self._go_on(context)
+        if not ended:
+            Running.settle()
+            Running.redraw(context)
+        return ended or {"PASS_THROUGH"}
+
+    def _go_on(self, context: bpy.types.Context) -> set[str]:
+        """Take a turn; if that was the last one, how it ended."""
         try:
             self._take_turn()
         except StopIteration as stop:
@@ -81,9 +91,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         except BaseException:
             self.cancel(context)
             raise
-        Running.settle()
-        Running.redraw(context)
-        return {"PASS_THROUGH"}
+        return set()
 
     def _take_turn(self) -> None:
         """Go on until nothing is new, because another thread is at work, or it is the window's turn."""

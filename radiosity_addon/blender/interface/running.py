@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
 
@@ -60,17 +61,26 @@ class Running:
         bpy.types.STATUSBAR_HT_header.append(draw_progress)
 
     @classmethod
-    def seat(cls, scene: bpy.types.Scene, extraction: Extraction) -> LiveView:
-        """Look on at the bake of a scene that was read; from now on it is noticed if the scene changes."""
-        meshes = extraction.scene.meshes
-        visible = np.zeros(len(meshes) + len(backs_of(meshes)), bool)
-        for index, source in enumerate(extraction.sources):
-            thing = bpy.data.objects.get(source.instancer or (source.object_name, source.library))
-            visible[index] = thing is not None and thing.visible_get()
-        for front, back in backs_of(meshes).items():
-            visible[back] = visible[front]
-        cls.view, cls._scene = LiveView(visible), scene.name
-        return cls.view
+    def seat(cls, scene: bpy.types.Scene) -> Callable[[Extraction], LiveView]:
+        """Look on at the bake of a scene that was read."""
+        things = {
+            (thing.name, thing.library and thing.library.filepath) for thing in scene.objects if thing.visible_get()
+        }
+        names = {name for name, _ in things}
+        view = cls.view = LiveView()
+        cls._scene = scene.name
+
+        def looking(extraction: Extraction) -> LiveView:
+            meshes = extraction.scene.meshes
+            view.visible = np.zeros(len(meshes) + len(backs_of(meshes)), bool)
+            for index, source in enumerate(extraction.sources):
+                own = (source.object_name, source.library) in things
+                view.visible[index] = source.instancer in names if source.instancer else own
+            for front, back in backs_of(meshes).items():
+                view.visible[back] = view.visible[front]
+            return view
+
+        return looking
 
     @classmethod
     def settle(cls) -> None:

@@ -39,12 +39,12 @@ AROUND = np.array([[-0.45, -0.3], [0.45, -0.3], [0.0, 0.6]])
 class CyclesShader:
     """Answers for the surfaces that were extracted; see shading.Shader."""
 
-    def __init__(self, scene: bpy.types.Scene, extraction: Extraction) -> None:
+    def __init__(self, scene_name: str, extraction: Extraction) -> None:
         """Args:
-        scene: that was extracted
+        scene_name: of the scene that was extracted
         extraction: what was read from it
         """
-        self.scene_name = scene.name
+        self.scene_name = scene_name
         self.extraction = extraction
 
     def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:

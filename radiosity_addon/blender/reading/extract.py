@@ -70,7 +70,6 @@ def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> G
             thing.update_from_editmode()
     with as_unbaked(scene):
         reading = at_render_settings(scene, lambda depsgraph: Reading(scene, depsgraph, only))
-    yield
     yield from reading.lights.render_world(scene)
     return reading
 
