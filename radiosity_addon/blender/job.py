@@ -136,7 +136,7 @@ def bake_scene(
             recipe=written.recipe,
             mode=job.write_back,
             pack=job.folder is None,
-            apart=apart,
+            apart={name: apart[name] for name in apart if any(page.any() for page in baked.apart[name])},
         )
         rows, images = yield from _as_part_of(last, writing_back)
         for row, kept in zip(images, maps, strict=True):

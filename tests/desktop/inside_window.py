@@ -25,6 +25,8 @@ TICK_SECONDS = 0.05
 WATCH_SECONDS = 0.005
 OPERATOR_COLOR = (0x54 / 255, 0x57 / 255, 0x54 / 255, 1.0)
 """Of buttons that call operators. The theme has three steps less green, which no eye tells apart."""
+SLIDER_COLOR = (0x47 / 255, 0x72 / 255, 0xB0 / 255, 1.0)
+"""Of the filled part of sliders, likewise."""
 PROGRESS_COLOR = (0x47 / 255, 0x75 / 255, 0xB3 / 255, 1.0)
 """Of bars that show progress, likewise."""
 PLACES = {"sidebar": ("VIEW_3D", "UI"), "view": ("VIEW_3D", "WINDOW"), "properties": ("PROPERTIES", "WINDOW")}
@@ -41,6 +43,7 @@ def arrange(tab: str) -> bool:
     interface = preferences.themes[0].user_interface
     interface.wcol_tool.inner = OPERATOR_COLOR
     interface.wcol_progress.item = PROGRESS_COLOR
+    interface.wcol_numslider.item = SLIDER_COLOR
     area("PROPERTIES").spaces.active.context = "RENDER"
     space, sidebar = area("VIEW_3D").spaces.active, region("sidebar")
     if not tab:
@@ -82,6 +85,8 @@ def state() -> dict[str, Any]:
         "baked": "radiosity_bake" in scene,
         "original": "radiosity_originals" in scene,
         "report": json.loads(scene["radiosity_report"]["report"]) if "radiosity_report" in scene else None,
+        "active": thing.name if (thing := scene.view_layers[0].objects.active) else "",
+        "mix": [group.strength for group in scene.radiosity_mix],
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],
     }
@@ -153,6 +158,40 @@ def hovered(name: str) -> str:
     return str(manager.clipboard)
 
 
+def pointed(name: str) -> str:
+    """The path of the setting under the mouse, from its datablock on; empty where there is none."""
+    manager = bpy.context.window_manager
+    manager.clipboard = ""
+    with bpy.context.temp_override(window=manager.windows[0], area=area(PLACES[name][0]), region=region(name)):
+        if bpy.ops.ui.copy_data_path_button.poll():
+            bpy.ops.ui.copy_data_path_button()
+    return str(manager.clipboard)
+
+
+def furnish() -> None:
+    """Add a hoop made of a curve, a second lamp in a light group of its own, and something that is not rendered."""
+    scene = bpy.context.window_manager.windows[0].scene
+    layer = scene.view_layers[0]
+    hoop = bpy.data.curves.new("Hoop", "CURVE")
+    hoop.dimensions, hoop.bevel_depth = "3D", 0.2
+    spline = hoop.splines.new("NURBS")
+    spline.points.add(3)
+    for point, (x, z) in zip(spline.points, ((-1, 0), (0, -1), (1, 0), (0, 1)), strict=True):
+        point.co = (x, 0, z, 1)
+    spline.use_cyclic_u = True
+    fill = bpy.data.lights.new("Fill", "POINT")
+    fill.energy, fill.color, fill.shadow_soft_size = 150, (0.1, 0.3, 1.0), 0.2
+    added = {"Hoop": (hoop, (0.8, 1.5, 3.6)), "Fill": (fill, (-1.8, 1.0, 1.0)), "Forgotten": (hoop, (0, 20, 0))}
+    for name, (data, place) in added.items():
+        thing = bpy.data.objects.new(name, data)
+        thing.location = place
+        scene.collection.objects.link(thing)
+    bpy.data.objects["Forgotten"].hide_render = True
+    for name in ("Lamp", "Fill"):
+        layer.lightgroups.add(name=name)
+        bpy.data.objects[name].lightgroup = name
+
+
 def choose(settings: dict[str, Any]) -> None:
     """Set settings of the scene's bake; None takes a setting back."""
     radiosity = bpy.context.window_manager.windows[0].scene.radiosity
@@ -193,22 +232,10 @@ def region(name: str) -> bpy.types.Region:
 CALLS: dict[str, Callable[..., Any]] = {
     call.__name__: call
     for call in (
-        arrange,
-        look,
-        tutorial,
-        state,
-        watch,
-        seen,
-        remember,
-        changed,
-        redraw,
-        place,
-        hovered,
-        choose,
-        save,
-        compare,
+        arrange, look, tutorial, state, watch, seen, remember, changed, redraw, place, hovered, pointed, furnish,
+        choose, save, compare,
     )
-}
+}  # fmt: skip
 
 
 def answer() -> float:

@@ -30,11 +30,14 @@ ENDING = 10.0
 """Seconds for a screen to end in order."""
 HOVERING = 5.0
 """Seconds until a button, if it is one, has seen that the mouse is over it."""
+HELD = 0.1
+"""Seconds that a person takes between moving the mouse, pressing and letting go; at once, a busy window may miss it."""
 GLANCE = 0.05
 """Seconds between two looks at what is waited for."""
 OPERATOR_COLOR = (0x54, 0x57, 0x54)
 PROGRESS_COLOR = (0x47, 0x75, 0xB3)
-"""The colours that inside_window.py gives to buttons of operators and to progress bars."""
+SLIDER_COLOR = (0x47, 0x72, 0xB0)
+"""The colours that inside_window.py gives to buttons of operators, progress bars and what is filled of sliders."""
 LEAST_BUTTON = 12
 """Pixels that a button has at least in both directions."""
 SAME = 0.5
@@ -146,30 +149,45 @@ class Window:
 
     def click(self, x: int, y: int) -> None:
         """Move the mouse there, press and let go its left button."""
-        self.hands("mousemove", x, y, "mousedown", 1, "mouseup", 1)
+        self.hands("mousemove", x, y, "sleep", HELD, "mousedown", 1, "sleep", HELD, "mouseup", 1)
 
     def click_button(self, operator: str, place: str = "sidebar") -> None:
         """Click the button that calls an operator, once the mouse is seen to be over it."""
         x, y = self.until(lambda: self.button(operator, place), f"a button for {operator} is in the {place}")
         self.click(x, y)
 
+    def drag_slider(self, setting: str, pixels: int) -> None:
+        """Drag the slider of a setting in the sidebar to the right, or to the left."""
+        x, y = self.until(lambda: self.slider(setting), f"a slider for {setting} is in the sidebar")
+        self.hands("mousemove", x, y, "sleep", HELD, "mousedown", 1)
+        for step in (pixels // 2, pixels):
+            self.hands("sleep", HELD, "mousemove", x + step, y)
+        self.hands("sleep", HELD, "mouseup", 1)
+
+    def slider(self, setting: str) -> tuple[int, int] | None:
+        """Where the slider of a setting is, and the mouse over it; None if it is not in sight."""
+        return self._widget(SLIDER_COLOR, "pointed", setting, "sidebar")
+
     def button(self, operator: str, place: str = "sidebar") -> tuple[int, int] | None:
         """Where the button of an operator is, and the mouse over it; None if it is not in sight."""
-        self.until(lambda: not all(self.hover(spot, place) for spot in NOWHERE), "no button is under the mouse")
+        return self._widget(OPERATOR_COLOR, "hovered", operator, place)
+
+    def _widget(self, color: tuple[int, int, int], asked: str, wanted: str, place: str) -> tuple[int, int] | None:
+        self.until(lambda: not all(self.hover(spot, place, asked) for spot in NOWHERE), "no button is under the mouse")
         left, top, right, bottom = self.ask("place", place)
         seen = ""
-        for x, y in rectangles((self.picture()[top:bottom, left:right] == OPERATOR_COLOR).all(-1)):
+        for x, y in rectangles((self.picture()[top:bottom, left:right] == color).all(-1)):
             spot, before, end = (left + x, top + y), seen, time.monotonic() + HOVERING
             while seen == before and time.monotonic() < end:
-                seen = self.hover(spot, place) or before
-            if seen != before and seen.startswith(operator):
+                seen = self.hover(spot, place, asked) or before
+            if seen != before and seen.startswith(wanted):
                 return spot
         return None
 
-    def hover(self, spot: tuple[int, int], place: str) -> str:
+    def hover(self, spot: tuple[int, int], place: str, asked: str = "hovered") -> str:
         """Move the mouse there; what Blender takes to be under it, which may still be what was before."""
         self.hands("mousemove", spot[0] + 1, spot[1], "mousemove", *spot)  # a mouse that does not move says nothing
-        return str(self.ask("hovered", place))
+        return str(self.ask(asked, place))
 
     def view(self, name: str | None = None, unlike: np.ndarray | None = None) -> np.ndarray:
         """A picture of the 3D view without the sidebar, once nothing changes any more.

@@ -49,13 +49,16 @@ class LightMix:
         tree.tree.links.new(where, node.inputs["Vector"])
         return node.outputs["Light"]
 
-    def color(self, tree: Arithmetic, group: str) -> bpy.types.NodeSocket:
-        """What the light of a group is multiplied with."""
+    def color(self, tree: Arithmetic, group: str) -> Color:
+        """What the light of a group is multiplied with; that of one without any light can't be set."""
+        if group not in self.groups:
+            return WHITE
         if self._colors is None:
             self._colors = self._all_colors()
         node = tree.node("ShaderNodeGroup")
         node.node_tree = self._colors
-        return node.outputs[list(self.groups).index(group)]
+        color: bpy.types.NodeSocket = node.outputs[list(self.groups).index(group)]
+        return color
 
     @property
     def images(self) -> list[bpy.types.Image]:

@@ -126,7 +126,7 @@ def write_back(
         mode: "preview" gives baked objects material copies that show the lightmap; "uv" leaves materials alone
         pack: keep the pages inside the .blend, for files that will not stay; an unsaved .blend always does
         apart: by name of the light group, files of its light alone and how to read them: they are shown in place of
-            the pages, and can be mixed anew
+            the pages, and can be mixed anew; groups without any light may be left out
 
     Returns:
         For the report: a row for each baked object ("source", "object", "page", "density" in texels per metre; where

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is done with a bake besides looking at it, in a real window by mouse: stopping early, mixing lights, judging,
+comparing with the original, checking, handing over. One window goes through all of it; see test_window.py.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.desktop.blender import ROOT, Desktop
+from tests.desktop.test_window import PICTURES, RED_WALL
+from tests.desktop.window import Window, alike, red
+
+LONG_BAKE = {"page_size": 1024, "quality": "high"}
+SHORT_BAKE = {"page_size": 256, "quality": "draft", "light_groups": True}
+
+pytestmark = [
+    pytest.mark.desktop,
+    pytest.mark.skipif(sys.version_info < (3, 13), reason="the same Blender is driven once, under Python 3.13"),
+]
+
+
+@pytest.fixture(scope="module")
+def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The Cornell box, in a folder of its own."""
+    return Path(shutil.copy(ROOT / "sample_scenes/cornell_box.blend", tmp_path_factory.mktemp("tools")))
+
+
+@pytest.fixture(scope="module")
+def window(desktop: Desktop, blend: Path) -> Iterator[Window]:
+    """A window that shows it, with a hoop that needs a stand-in, and two light groups."""
+    window = Window(desktop, blend.parent, PICTURES)
+    try:
+        window.open(blend)
+        window.ask("furnish")
+        window.ask("look", "MATERIAL", True)
+        yield window
+    finally:
+        window.close()
+
+
+@pytest.fixture(scope="module")
+def unlit(window: Window) -> np.ndarray:
+    """What the 3D view shows before any bake."""
+    window.until(lambda: red(window.picture()) > RED_WALL, "the red wall is seen")
+    return window.view("tools_before")
+
+
+@pytest.fixture(scope="module")
+def stopped(window: Window, unlit: np.ndarray) -> dict[str, Any]:
+    """The state after a bake that was ended as soon as there was light to keep."""
+    window.ask("choose", LONG_BAKE)
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.click_button("bpy.ops.radiosity.stop(")
+    window.until(lambda: window.ask("state")["baked"], "the light is kept")
+    return {"view": window.view("stopped", unlike=unlit), **window.ask("state")}
+
+
+@pytest.fixture(scope="module")
+def baked(window: Window, stopped: dict[str, Any]) -> np.ndarray:
+    """What the 3D view shows after a whole bake with its light groups kept apart."""
+    window.ask("choose", SHORT_BAKE)
+    window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.ask("state")["mix"], "the light groups can be mixed")
+    return window.view("grouped", unlike=stopped["view"])
+
+
+def test_a_bake_that_is_stopped_keeps_its_light(stopped: dict[str, Any], unlit: np.ndarray) -> None:
+    assert stopped["report"]["ended_in"]
+    assert not alike(stopped["view"], unlit)
+
+
+def test_a_slider_dims_a_light_group_and_reset_brings_it_back(window: Window, baked: np.ndarray) -> None:
+    window.drag_slider("radiosity_mix[0].strength", -200)
+    window.until(lambda: window.ask("state")["mix"] == [0.0, 1.0], "the slider is at its end")
+    dimmed = window.view("mixed", unlike=baked)
+    assert dimmed.mean() < baked.mean()
+    window.click_button("bpy.ops.radiosity.reset_mix(")
+    window.until(lambda: window.ask("state")["mix"] == [1.0, 1.0], "the groups are as they were baked")
+    assert alike(window.view(unlike=dimmed), baked)
+
+
+def test_an_overlay_comes_and_goes_and_so_does_the_original_below_it(
+    window: Window, baked: np.ndarray, unlit: np.ndarray
+) -> None:
+    overlay = "bpy.ops.radiosity.overlay(show='illuminance'"
+    window.click_button(overlay)
+    judged = window.view("overlay", unlike=baked)
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: window.ask("state")["original"], "the original is shown")
+    window.view("overlay_original", unlike=judged)
+    window.click_button(overlay)
+    original = window.view("original_with_curves")
+    assert alike(original, unlit)
+    window.click_button("bpy.ops.radiosity.toggle(")
+    assert alike(window.view(unlike=original), baked)
+
+
+def test_check_finds_what_is_not_rendered_and_selects_it(window: Window, baked: np.ndarray) -> None:
+    window.click_button("bpy.ops.radiosity.check(")
+    window.click_button("bpy.ops.radiosity.select(")
+    window.until(lambda: window.ask("state")["active"] == "Forgotten", "the object is selected")
+    window.picture("checked")
+
+
+def test_export_is_found_by_its_name_and_writes_files(window: Window, baked: np.ndarray, blend: Path) -> None:
+    left, top, right, bottom = window.ask("place", "properties")
+    window.hands("mousemove", (left + right) // 2, (top + bottom) // 2, "key", "ctrl+f")
+    window.hands("type", "export lightmaps")
+    window.press("Return")
+    window.click_button("bpy.ops.radiosity.export(", "properties")
+    window.until(lambda: list(blend.parent.glob("*_export/*.glb")), "the files are written")
+    window.picture("exported")
+    assert sorted(path.suffix for path in blend.parent.glob("*_export/*")) == [".exr", ".glb", ".json"]
