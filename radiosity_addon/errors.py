@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Errors that a user can act on; anything else that is raised is a defect of ours."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 
 class BakeError(Exception):
     """A bake that can't go on: says which object, why, and what to do about it.
@@ -19,7 +23,20 @@ class BakeError(Exception):
 
 
 class SceneError(BakeError):
-    """Something in the scene can't be baked."""
+    """Something in the scene can't be baked.
+
+    Attributes:
+        more: what else can't be
+    """
+
+    more: Sequence[SceneError] = ()
+
+
+def raise_together(errors: Sequence[SceneError]) -> None:
+    """Raise the first of some errors, if there are any, with the others as its `more`."""
+    if errors:
+        first, *first.more = {str(error): error for error in errors}.values()
+        raise first
 
 
 class SettingsError(BakeError):
@@ -32,6 +49,8 @@ class OutputError(BakeError):
 
 def explained(error: Exception) -> str:
     """One line for the user on any error: a defect of ours must not look like one of the scene's."""
+    if isinstance(error, SceneError) and error.more:
+        return f"{error} {len(error.more)} more stop the bake: Check Scene lists them"
     if isinstance(error, BakeError):
         return str(error)
     if isinstance(error, MemoryError):

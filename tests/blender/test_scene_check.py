@@ -49,6 +49,17 @@ def test_what_stops_a_bake_is_found_and_not_raised() -> None:
     assert Checked.of(bpy.context.scene).area is None
 
 
+def test_all_that_stops_a_bake_is_listed_at_once() -> None:
+    add_mesh("Floor").radiosity.uv_map = "gone"
+    add_mesh("Far", location=(1e16, 0, 0))
+    add_mesh("Wall").radiosity.uv_map = "gone"
+    add_mesh("Sound")
+    errors = {subject for severity, subject in findings() if severity == "error"}
+    assert errors == {"Floor", "Far", "Wall"}
+    with pytest.raises(RuntimeError, match="2 more stop the bake: Check Scene lists them"):
+        bpy.ops.radiosity.bake()
+
+
 def test_the_command_line_says_the_same() -> None:
     bpy.ops.mesh.primitive_cube_add()
     bpy.context.object.data.flip_normals()

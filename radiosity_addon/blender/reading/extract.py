@@ -12,7 +12,7 @@ import numpy as np
 
 from ...arrays import Float32
 from ...chunks import finish
-from ...errors import SceneError
+from ...errors import SceneError, raise_together
 from ...scene import Mesh, Scene
 from ..data.evaluation import at_render_settings
 from ..data.instances import RAYS, instance_index, is_instance, settings_of
@@ -44,6 +44,9 @@ SURFACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 
 LEFT_OUT = "{} is left out: {}"
 NO_FACES = "it has no faces"
+
+MOST_ERRORS = 20
+"""Of what stops a bake; after as many nothing more is read."""
 """Said of an object unless it is there for the instances that it makes."""
 
 
@@ -93,12 +96,18 @@ class Reading:
         self.families = SharedShapes()
         self.instancers: dict[str, set[str]] = defaultdict(set)
         self.triangles = 0
+        self.errors: list[SceneError] = []
         self.working_space = working_space()
         seen = set()
         try:
             for item in depsgraph.object_instances:
                 seen.add(item.object.original.name_full)
-                self.read(item, depsgraph)
+                try:
+                    self.read(item, depsgraph)
+                except SceneError as error:  # all that stops a bake is told at once
+                    self.errors.append(error)
+                if len(self.errors) > MOST_ERRORS:
+                    break
         finally:
             self.splines.remove()
         self.unseen = {
@@ -120,7 +129,10 @@ class Reading:
                 surfaces.take(found)
             except Skip as reason:
                 self.skip(found.name, str(reason))
+            except SceneError as error:
+                self.errors.append(error)
             yield
+        raise_together(self.errors)
         have_faces = {source.object_name for source in surfaces.sources}
         for name, reason in self.unseen.items():
             if name not in have_faces:

@@ -45,9 +45,7 @@ def inspect(scene: bpy.types.Scene, settings: BakeSettings) -> Inspection:
     try:
         extraction = extract_scene(scene)
     except SceneError as error:
-        subject = error.subject if error.subject in scene.objects else ""
-        text = f"{error.subject}: {error.cause}. {error.remedy}"
-        return Inspection((Finding("error", text, subject), *unsaved))
+        return Inspection((*(_stopping(each, scene) for each in (error, *error.more)), *unsaved))
     meshes = extraction.scene.meshes
     areas = lit_areas(meshes)
     return Inspection(
@@ -56,6 +54,11 @@ def inspect(scene: bpy.types.Scene, settings: BakeSettings) -> Inspection:
         objects=len(areas),
         page_groups=len({mesh.page_group for mesh in meshes if mesh.lightmapped and len(mesh.triangles)}),
     )
+
+
+def _stopping(error: SceneError, scene: bpy.types.Scene) -> Finding:
+    subject = error.subject if error.subject in scene.objects else ""
+    return Finding("error", f"{error.subject}: {error.cause}. {error.remedy}", subject)
 
 
 UNSAVED = Finding("info", "The file is not saved yet: lightmaps will be packed into it")
