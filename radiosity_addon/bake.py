@@ -183,7 +183,7 @@ def bake(
     return Baked(
         atlas=atlas,
         pages=pages,
-        mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:, 0]], minlength=len(every_side.meshes)),
+        mesh_texels=np.bincount(surfaces.mesh[texels.triangle[:]], minlength=len(every_side.meshes)),
         texels=int(np.count_nonzero(wanted)),
         patches=exchange.patches.count if exchange is not None else 0,
         rays=visibility.traced,

@@ -61,7 +61,7 @@ def lit(scene: Scene, **settings: object) -> Lit:
     shown = texels.pixel < baked.atlas.page_count * baked.atlas.size**2
     return Lit(
         baked,
-        surfaces.mesh[texels.triangle[shown, 0]],
+        surfaces.mesh[texels.triangle[shown]],
         texels.position[shown] + surfaces.origin,
         texels.normal[shown],
         texels.area[shown],

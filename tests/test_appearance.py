@@ -56,7 +56,7 @@ def look_of(scene: Scene, shade: Pictures | None) -> tuple[Appearance, tuple[str
 
 
 def of_square(number: int, texels: Texels) -> Bools:
-    return texels.surfaces.mesh[texels.triangle[:, 0]] == number
+    return texels.surfaces.mesh[texels.triangle[:]] == number
 
 
 def test_constants_never_call_the_shader():

@@ -137,7 +137,7 @@ def test_a_closed_room_absorbs_what_its_lamp_sends_out() -> None:
     surfaces = flatten(scene)
     texels = finish(rasterize(found.baked.atlas, surfaces, 1))
     reflectance = np.array([entry.reflectance for entry in scene.materials])
-    absorbed = 1 - reflectance[surfaces.material[texels.triangle[:, 0]]]
+    absorbed = 1 - reflectance[surfaces.material[texels.triangle[:]]]
     hidden = (found.normal[:, 2] < -0.5) & (found.mesh > 0)  # undersides of blocks, on the floor
     under = (found.mesh == 0) & (found.position[:, 2] < 1e-6)
     for low, high in (((0.8, 1), (2.4, 2.6)), ((3, 2.8), (4.6, 4.4))):

@@ -338,7 +338,7 @@ def test_the_gather_reads_the_form_factor_between_squares(receiver, emitter, for
     baked = finish(bake(scene, BakeSettings(page_size=128, quality="high")))
     texels = finish(rasterize(baked.atlas, flatten(scene), 1))
     light = baked.pages[0].reshape(-1, 3)[texels.pixel, 0].astype(np.float64)
-    mine = texels.surfaces.mesh[texels.triangle[:, 0]] == 0
+    mine = texels.surfaces.mesh[texels.triangle[:]] == 0
     assert np.average(light[mine], weights=texels.area[mine]) == pytest.approx(form_factor, rel=0.01)
 
 

@@ -79,7 +79,7 @@ def test_invalid_texels_take_the_light_of_those_beside():
 def test_gutters_repeat_the_nearest_chart():
     scene = Scene((mesh_of("Two", [quad((k, 0, 0), (1, 0, 0), (0, 1, 0)) for k in (0, 5)], [0, 0]),), GREY)
     texels = texels_of(scene, 64, margin=6)
-    left = texels.triangle[:, 0] < 2
+    left = texels.triangle[:] < 2
     light = np.where(left, 1, 9).astype(np.float32) * np.float32(np.pi)
     (page,) = compose(texels, np.repeat(light[:, None, None], 3, axis=2), 1)
     # cells are 32 wide and charts begin 6 in: charts and their footprints end at 27 and begin at 37

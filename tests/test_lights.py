@@ -101,7 +101,7 @@ class Stage:
         return finish(direct_irradiance(self.lamps, self.texels, self.visibility, self.settings, self.groups))
 
     def on_floor(self) -> np.ndarray:
-        return np.flatnonzero(self.surfaces.mesh[self.texels.triangle[:, 0]] == 0)
+        return np.flatnonzero(self.surfaces.mesh[self.texels.triangle[:]] == 0)
 
 
 def shaded_floor(light: Light, height: float = 1.0) -> Scene:
@@ -282,6 +282,6 @@ def test_every_quality_lights_a_floor_with_a_ball(quality: str) -> None:
     texels = finish(rasterize(cell_atlas(scene, 256, margin=1), surfaces))
     settings = BakeSettings(page_size=256, quality=quality)
     light = finish(direct_irradiance(lamps_of(scene, surfaces), texels, Visibility(surfaces.corners), settings, 1))
-    at_floor = surfaces.mesh[texels.triangle[:, 0]] == 0
+    at_floor = surfaces.mesh[texels.triangle[:]] == 0
     assert 0.5 < light[at_floor].max() < 5 * np.pi
     assert light[at_floor].min() < 0.7 * light[at_floor].max()

@@ -88,7 +88,7 @@ def test_patches_keep_to_one_facing_one_material_and_one_connected_part():
     own = np.flatnonzero((front >= 0) & (texels.area > 0))
     first = np.full(patches.count, -1)
     first[front[own][::-1]] = own[::-1]
-    triangle, other = texels.triangle[own, 0], texels.triangle[first[front[own]], 0]
+    triangle, other = texels.triangle[own], texels.triangle[first[front[own]]]
     surfaces = texels.surfaces
     for values in (surfaces.material, surfaces.component):
         assert np.array_equal(values[triangle], values[other])
@@ -106,7 +106,7 @@ def test_only_what_is_no_solid_has_backs():
     )
     texels = texels_of(room)
     patches = grouped(texels, solid=texels.surfaces.mesh == 0)
-    sheet = texels.surfaces.mesh[texels.triangle[:, 0]] == 1
+    sheet = texels.surfaces.mesh[texels.triangle[:]] == 1
     assert (patches.back[~sheet] == NOTHING).all()
     behind = patches.back[sheet & (texels.area > 0)]
     assert (patches.sides[behind] == -1).all()
@@ -146,8 +146,8 @@ def test_texels_beside_charts_belong_to_the_patch_next_to_them():
     front = patches.of_element[: texels.count]
     assert (front[beside] >= 0).all()
     assert np.array_equal(
-        texels.surfaces.mesh[texels.triangle[beside, 0]],
-        texels.surfaces.mesh[texels.triangle[np.unique(front, return_index=True)[1], 0]][front[beside]],
+        texels.surfaces.mesh[texels.triangle[beside]],
+        texels.surfaces.mesh[texels.triangle[np.unique(front, return_index=True)[1]]][front[beside]],
     )
 
 
@@ -194,7 +194,7 @@ def test_no_patch_lies_on_both_sides_of_a_folded_sheet():
     sheet = Scene((mesh_of("Sheet", quads, np.zeros(24)),), GREY)
     texels = texels_of(sheet, 400)
     patches = grouped(replace(texels, surfaces=joined_up(texels.surfaces)), 40, solid=True)
-    behind = texels.triangle[:, 0] // 2 % 2
+    behind = texels.triangle[:] // 2 % 2
     front = patches.of_element[: texels.count]
     own = (front >= 0) & (texels.area > 0)
     areas = [

@@ -133,6 +133,6 @@ def test_backs_look_like_fronts_where_colours_vary() -> None:
     look, _ = finish(appearance_of(scene, atlas, texels, sampled, painter))
     place = texels.position + surfaces.origin
     wanted = 0.4 + 0.5 * place[:, 0] + 0.2 * place[:, 1]
-    assert set(surfaces.mesh[texels.triangle[:, 0]]) == {0, 1}
+    assert set(surfaces.mesh[texels.triangle[:]]) == {0, 1}
     off = np.abs(look.reflectance[:, 0] - wanted)[texels.covered == 15]
     assert np.quantile(off, 0.98) < 0.7 / 26, "of the texel in front, at most one off; at rims the painter guesses"

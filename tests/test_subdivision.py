@@ -41,7 +41,7 @@ def exchanges(scene: Scene, monkeypatch, **settings) -> tuple[list, list]:
 def test_patches_are_split_at_the_edge_of_a_shadow_and_not_far_from_it(monkeypatch):
     (coarse, fine), _ = exchanges(shaded_floor(), monkeypatch, subdivisions=1)
     texels = fine.patches.texels
-    floor = texels.surfaces.mesh[texels.triangle[:, 0]] == 0
+    floor = texels.surfaces.mesh[texels.triangle[:]] == 0
     owner = fine.patches.of_element[: texels.count]
     whole = np.sqrt(coarse.patches.area[coarse.patches.of_element[: texels.count]])
     part = np.sqrt(fine.patches.area[owner])

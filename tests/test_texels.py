@@ -171,7 +171,7 @@ def test_the_same_is_covered_however_the_rows_are_cut():
 def test_every_chart_owns_a_texel_even_when_it_is_a_point_or_a_line():
     shapes = [[(3.2, 3.2)] * 3, [(10.1, 10.1), (14.7, 10.1), (12, 10.1)], [(20.4, 3), (20.41, 3), (20.4, 9)]]
     scene, atlas = laid_out(shapes, 32, chart=[0, 1, 2])
-    owners = set(np.unique(texels_of(scene, atlas).triangle))
+    owners = set(np.unique(texels_of(scene, atlas).triangle[:]))
     assert owners == {0, 1, 2}
 
 
@@ -179,8 +179,9 @@ def test_barycentrics_give_the_place_of_each_stratum():
     scene = furnished_room()
     surfaces = flatten(scene)
     texels = finish(rasterize(cell_atlas(scene, 200, margin=2.3), surfaces))
-    x0, y0, xu, xv, yu, yv = texels.lookup.astype(float)[:, texels.triangle]
-    u, v = np.moveaxis(texels.barycentric, 2, 0).astype(float)
+    triangle, weights = texels.footprints.strata(np.arange(texels.count))
+    x0, y0, xu, xv, yu, yv = texels.lookup.astype(float)[:, triangle]
+    u, v = np.moveaxis(weights, 2, 0).astype(float)
     x, y = x0 + u * xu + v * xv, y0 + u * yu + v * yv
     slot = np.arange(STRATA)
     wanted_x = (texels.pixel % 200)[:, None] + 0.25 + 0.5 * (slot % 2)
@@ -195,15 +196,16 @@ def test_positions_follow_from_barycentrics():
     scene = Scene((sphere("Ball", radius=2.0),), GREY)
     surfaces = flatten(scene)
     texels = finish(rasterize(cell_atlas(scene, 256, margin=2), surfaces))
-    corners = surfaces.corners.astype(float)[texels.triangle]
-    u, v = np.moveaxis(texels.barycentric, 2, 0).astype(float)[..., None]
+    ids = np.arange(texels.count)
+    own, weights = texels.footprints.strata(ids)
+    corners = surfaces.corners.astype(float)[own]
+    u, v = np.moveaxis(weights, 2, 0).astype(float)[..., None]
     points = corners[:, :, 0] * (1 - u - v) + corners[:, :, 1] * u + corners[:, :, 2] * v
     assert np.abs(texels.position - points.mean(1)).max() < 1e-5
-    ids = np.arange(texels.count)
     for slot in range(STRATA):
         found, triangle = texels.points(ids, np.full(len(ids), slot))
         assert np.abs(found - points[:, slot]).max() < 1e-5
-        assert np.array_equal(triangle, texels.triangle[:, slot])
+        assert np.array_equal(triangle, own[:, slot])
 
 
 def test_shading_normals_of_a_smooth_sphere_point_from_its_centre():
@@ -275,7 +277,7 @@ def test_meshes_without_a_page_have_no_texels():
     scene = Scene((box("Shown", (0, 0, 0), (1, 1, 1)), box("Gone", (3, 0, 0), (4, 1, 1))), GREY)
     atlas = replace(cell_atlas(scene, 64), page=np.array([0, -1], np.int32))
     texels = texels_of(scene, atlas)
-    assert set(texels.surfaces.mesh[texels.triangle].ravel()) == {0}
+    assert set(texels.surfaces.mesh[texels.triangle[:]]) == {0}
     assert texels.area.sum(dtype=float) == pytest.approx(6, rel=1e-6)
 
 
@@ -283,18 +285,21 @@ def test_pages_are_kept_apart():
     scene = Scene((box("One", (0, 0, 0), (1, 1, 1)), box("Two", (3, 0, 0), (4, 1, 1))), GREY)
     atlas = replace(cell_atlas(scene, 64), page=np.array([0, 1], np.int32), page_count=2)
     texels = texels_of(scene, atlas)
-    assert np.array_equal(texels.pixel // 64**2, texels.surfaces.mesh[texels.triangle[:, 0]])
+    assert np.array_equal(texels.pixel // 64**2, texels.surfaces.mesh[texels.triangle[:]])
     ids = np.flatnonzero(texels.covered == 15)
-    u, v = texels.barycentric[ids, 0].T
-    assert np.array_equal(texels.at(texels.triangle[ids, 0], u, v), ids)
+    _, weights = texels.footprints.at(ids, np.zeros_like(ids))
+    u, v = weights.T
+    assert np.array_equal(texels.at(texels.triangle[ids], u, v), ids)
 
 
 def test_the_texels_do_not_depend_on_the_number_of_threads():
     scene = Scene((sphere("Ball", segments=64, rings=32),), GREY)
     atlas = cell_atlas(scene, 512, margin=1.5)
     one, three = texels_of(scene, atlas, 1), texels_of(scene, atlas, 3)
-    for name in ("pixel", "triangle", "barycentric", "covered", "area", "position", "shading_normal"):
+    for name in ("pixel", "covered", "area", "position", "shading_normal"):
         assert np.array_equal(getattr(one, name), getattr(three, name)), name
+    for name in ("seat", "triangle", "weights"):
+        assert np.array_equal(getattr(one.footprints, name), getattr(three.footprints, name)), name
 
 
 def test_leaving_strata_out_shrinks_the_area_and_moves_the_mean():

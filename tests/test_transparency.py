@@ -61,7 +61,7 @@ def lit(scene: Scene, painter: Painter | None = None, **settings: object) -> tup
     baked = bake_of(scene, painter, **settings)
     surfaces = flatten(scene)
     texels = finish(rasterize(baked.atlas, surfaces, 1))
-    own = np.flatnonzero((surfaces.mesh[texels.triangle[:, 0]] == 0) & (texels.covered == 15))
+    own = np.flatnonzero((surfaces.mesh[texels.triangle[:]] == 0) & (texels.covered == 15))
     own = own[texels.pixel[own] < baked.atlas.size**2]
     return texels.position[own] + surfaces.origin, baked.pages[0].reshape(-1, 3)[texels.pixel[own]]
 

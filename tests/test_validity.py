@@ -41,7 +41,7 @@ def on_a_floor(meshes, size=256, workers=1):
 
 def floor_of(texels):
     """Floor texels and their x and y in world space."""
-    own = texels.surfaces.mesh[texels.triangle[:, 0]] == 0
+    own = texels.surfaces.mesh[texels.triangle[:]] == 0
     return own, (texels.position.astype(float) + texels.surfaces.origin)[:, :2]
 
 
@@ -75,7 +75,7 @@ def test_a_hollow_in_a_solid_is_not_inside_of_it():
     house = box("House", (-1, -1, -0.1), (1, 1, 2))
     hollow = box("Hollow", (-0.8, -0.8, 0.1), (0.8, 0.8, 1.8), inward=True)
     after = on_a_floor([house, hollow])[1]
-    own = after.surfaces.mesh[after.triangle[:, 0]]
+    own = after.surfaces.mesh[after.triangle[:]]
     assert after.valid[own == 2].all()
     assert not after.valid[own == 0].all()
 

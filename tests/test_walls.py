@@ -51,7 +51,7 @@ def with_walls(*walls: Mesh) -> tuple[Texels, Walls, Visibility, Float64, Bools]
         found,
         visibility,
         texels.position + texels.surfaces.origin,
-        texels.surfaces.mesh[texels.triangle[:, 0]] == 0,
+        texels.surfaces.mesh[texels.triangle[:]] == 0,
     )
 
 
@@ -155,7 +155,7 @@ def test_no_walls_are_found_where_none_are(scene: Scene) -> None:
     """On round surfaces and in corners. Texels below thick blocks are no longer valid in a bake."""
     texels = finish(rasterize(cell_atlas(scene, 400, 1.5), flatten(scene), 1))
     visibility = Visibility(texels.surfaces.corners)
-    buried = (texels.surfaces.mesh[texels.triangle[:, 0]] == 0) & (np.abs(texels.position[:, 2] + 2.75) < 0.01)
+    buried = (texels.surfaces.mesh[texels.triangle[:]] == 0) & (np.abs(texels.position[:, 2] + 2.75) < 0.01)
     texels.valid[buried & (len(scene.meshes) > 1)] = False
     walls = finish(find_walls(texels, visibility, 1))
     assert not texels.crossed.any()

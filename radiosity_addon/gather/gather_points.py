@@ -114,7 +114,7 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
         return np.concatenate([part[None], turned.T, cube.T]).astype(np.int64)
 
     def of(block: Int64 | Int32) -> tuple[Int32, Float32, Float32]:
-        return component[texels.triangle[block, 0]], texels.shading_normal[block], texels.position[block]
+        return component[texels.triangle[block]], texels.shading_normal[block], texels.position[block]
 
     # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
     ends = [[each(part, axis=0, keepdims=True) for part in of(block)] for block in blocks for each in (np.min, np.max)]

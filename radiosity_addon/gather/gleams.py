@@ -48,7 +48,7 @@ class Gleams:
         front = np.flatnonzero((element >= 0) & (element < texels.count))
         ray = front[beams.row[element[front]] >= 0]
         texel = element[ray]
-        row, material = beams.row[texel], texels.surfaces.material[texels.triangle[texel, 0]]
+        row, material = beams.row[texel], texels.surfaces.material[texels.triangle[texel]]
         normal, eye = texels.shading_normal[texel], -directions[ray]
         found = np.zeros((len(ray), self.columns), np.float32)
         for light, direction, group in zip(beams.light, beams.direction, beams.group, strict=True):

@@ -227,7 +227,7 @@ def _direct(
     texel = np.repeat(ids, points)
     sample = np.tile(np.arange(points), len(ids)) + np.repeat(half, points) * points
     normals = texels.shading_normal.take(texel, axis=0)
-    mesh = texels.surfaces.shown_mesh(texels.triangle[texel, 0])
+    mesh = texels.surfaces.shown_mesh(texels.triangle[texel])
     seeds = texel * 64 + sample + 5
     light = irradiance_at(lamps, texels.origins(texel, sample), normals, visibility, STRATA, seeds, groups, mesh)
     return _luminance(light.reshape(len(light), -1)).reshape(-1, points).mean(1, dtype=np.float64)

@@ -55,7 +55,7 @@ def appearance_of(
         sampled: (F,) triangles that shine as lamps: they do not glow as well, so that nothing counts twice
         shade: tells what varies; without it everything has its material's constants
     """
-    triangle = texels.triangle[:, 0]
+    triangle = texels.triangle[:]
     material = texels.surfaces.material
     constants: dict[Quantity, Float32] = {
         "reflectance": np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
@@ -63,7 +63,7 @@ def appearance_of(
     }
     constants["emission"][sampled] = 0
     values: dict[Quantity, Float32 | ByTriangle] = {
-        quantity: ByTriangle(each, triangle) for quantity, each in constants.items()
+        quantity: ByTriangle(each, texels.footprints) for quantity, each in constants.items()
     }
     said: tuple[str, ...] = ()
     for done, quantity in enumerate(SHOWN):
@@ -84,12 +84,13 @@ def appearance_of(
         )
         found: Float32 = values[quantity][:]
         found[chosen] = colors
-        front = texels.at(*on_front(texels.surfaces, triangle[behind], texels.barycentric[behind, 0]))
+        _, weights = texels.footprints.at(behind, np.zeros_like(behind))
+        front = texels.at(*on_front(texels.surfaces, triangle[behind], weights))
         found[behind] = found[front]
         values[quantity] = found
         said += warnings
     group = np.array([entry.group for entry in scene.materials], np.int32)[material]
-    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, triangle)), said
+    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, texels.footprints)), said
 
 
 def within_physics(

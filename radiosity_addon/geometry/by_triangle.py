@@ -7,35 +7,50 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..arrays import Int32
+from .footprints import Footprints
 
 
 @dataclass(frozen=True, eq=False)
 class ByTriangle:
-    """Values (F, ...) of triangles, read as (T, ...) at texels.
+    """Values of triangles, read at texels.
 
     Attributes:
         values: (F, ...)
-        triangle: (T,) int32, of each texel
+        footprints: of T texels; each has the value of its first stratum's triangle
     """
 
     values: Any
-    triangle: Int32
+    footprints: Footprints
 
     def __len__(self) -> int:
-        return len(self.triangle)
+        return len(self.footprints.seat)
 
     def __getitem__(self, which: Any) -> Any:
-        """As of an array: texels, then perhaps columns."""
+        """As of an array (T, ...): texels, then perhaps columns."""
         texels, *columns = which if isinstance(which, tuple) else (which,)
-        found = self.values[self.triangle[texels]]
+        found = self.values.take(self.footprints.first(texels), axis=0)
         return found[(..., *columns)] if columns else found
 
     def take(self, texels: Any, axis: int = 0) -> Any:
-        """The same of some texels; faster."""
-        return self.values.take(self.triangle.take(texels), axis=axis)
+        """As of an array, along its first axis."""
+        return self.values.take(self.footprints.first(texels), axis=axis)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         return self[:].astype(dtype, copy=False)
 
     def __rmul__(self, factor: float) -> ByTriangle:
         return replace(self, values=factor * self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class FirstTriangle:
+    """Triangle (T,) of the first stratum of each texel."""
+
+    footprints: Footprints
+
+    def __len__(self) -> int:
+        return len(self.footprints.seat)
+
+    def __getitem__(self, texels: Any) -> Int32:
+        """As of an array."""
+        return self.footprints.first(texels)

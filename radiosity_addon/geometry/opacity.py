@@ -43,15 +43,16 @@ def opacity_of(texels: Texels, transmittance: Transmittance | None) -> Opacity |
     if transmittance is None:
         if met.all():
             return None
-        return Opacity(met[texels.triangle[:, 0]].astype(np.float32), np.full(texels.count, 15, np.uint8))
+        return Opacity(met[texels.triangle[:]].astype(np.float32), np.full(texels.count, 15, np.uint8))
     share = np.empty(texels.count, np.float32)
     strata = np.empty(texels.count, np.uint8)
     for start in range(0, texels.count, CHUNK):
         part = slice(start, start + CHUNK)
-        triangle, u, v = on_front(texels.surfaces, texels.triangle[part], texels.barycentric[part])
+        own, weights = texels.footprints.strata(np.arange(start, min(start + CHUNK, texels.count)))
+        triangle, u, v = on_front(texels.surfaces, own, weights)
         stopped = 1 - transmittance.at(triangle, u, v).mean(0).reshape(-1, STRATA)
         stopped[stopped < NEARLY] = 0
-        stopped[~met[texels.triangle[part]]] = 0
+        stopped[~met[own]] = 0
         share[part] = stopped.mean(1)
         number = np.arange(start * STRATA, start * STRATA + stopped.size).reshape(-1, STRATA)
         sends = stopped > hash_uniform(number) * stopped.max(1, keepdims=True)

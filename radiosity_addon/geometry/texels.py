@@ -17,12 +17,11 @@ from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..atlas.unwrap import Atlas
 from ..chunks import Fractions, in_chunks, scaled
 from ..indices import numbers_of
-from .by_triangle import ByTriangle
+from .by_triangle import ByTriangle, FirstTriangle
 from .coverage import ScanLines, beside_charts
+from .footprints import STRATA as STRATA
+from .footprints import Footprints, footprints_of, spread_of
 from .surfaces import BLOCK, Surfaces
-
-STRATA = 4
-"""Sub-texels of a texel, 2 x 2: slot = 2 * (upper half) + (right half)."""
 
 SAMPLE_CHUNK = 1 << 16
 """Sub-texels rasterised in one go, at most, counting the boxes around triangles: 0.3 MB a temporary, in cache."""
@@ -57,8 +56,7 @@ class Texels:
         page_count: pages, hidden ones included
         pixel: (T,) int32, page * size^2 + row * size + column, row 0 at v = 0; int64 where there are more than 2^31
         texel_at: (page_count * size^2,) int32, the texel of each pixel, -1 for none
-        triangle: (T, 4) int32, triangle of each stratum
-        barycentric: (T, 4, 2) float32, weights of corners 1 and 2 at each stratum
+        footprints: triangle and barycentrics of each stratum
         covered: (T,) uint8, bit s set if stratum s is covered by the chart and not inside other geometry
         area: (T,) float32, m2, of the covered part; a triangle's texels sum to its area
         position: (T, 3) float32, m, mean over the strata
@@ -68,15 +66,15 @@ class Texels:
         lookup: (6, F) float32, texel coordinates x0, y0, dx/du, dx/dv, dy/du, dy/dv of each triangle
         page: (F,) int32, page of each triangle
         surfaces: the triangles
-        normal: (T, 3) float32, unit geometric normal
+        triangle: (T,) int32, that of the first stratum
+        normal: (T, 3) float32, unit geometric normal, of that triangle
     """
 
     size: int
     page_count: int
     pixel: Int32 | Int64
     texel_at: Int32
-    triangle: Int32
-    barycentric: Float32
+    footprints: Footprints
     covered: NDArray[np.uint8]
     area: Float32
     position: Float32
@@ -93,7 +91,11 @@ class Texels:
 
     @property
     def normal(self) -> ByTriangle:
-        return ByTriangle(self.surfaces.normal, self.triangle[:, 0])
+        return ByTriangle(self.surfaces.normal, self.footprints)
+
+    @property
+    def triangle(self) -> FirstTriangle:
+        return FirstTriangle(self.footprints)
 
     def before(self, pixel: int) -> int:
         """How many texels come before a pixel."""
@@ -108,21 +110,15 @@ class Texels:
         Returns:
             (R, 3) float32, m, in memory x, y and z apart, and (R,) int32
         """
-        stratum = texels * np.int64(STRATA)
-        stratum += sample & (STRATA - 1)
         if sample.max(initial=0) < STRATA:
-            return self.stratum_points(stratum)
-        triangle, weights = self._strata(stratum)
+            return self.footprints.points(texels, sample)
+        triangle, weights = self.footprints.at(texels, sample & (STRATA - 1))
         turn = np.where((self.covered[texels] > 0) & ~self.crossed[texels], sample >> 2, 0)
         return self.surfaces.points(triangle, self._shifted(weights, triangle, turn)), triangle
 
     def stratum_points(self, stratum: Int64 | Int32) -> tuple[Float32, Int32]:
         """As `points`, of strata (R,) numbered texel * 4 + slot."""
-        triangle, weights = self._strata(stratum)
-        return self.surfaces.points(triangle, weights), triangle
-
-    def _strata(self, stratum: Int64 | Int32) -> tuple[Int32, Float32]:
-        return self.triangle.reshape(-1).take(stratum), self.barycentric.reshape(-1, 2).take(stratum, axis=0)
+        return self.footprints.points(stratum // STRATA, stratum & (STRATA - 1))
 
     def origins(self, texels: Int64 | Int32, sample: Int64 | Int32) -> Float32:
         """Ray origins (R, 3): `points`, lifted off the surface."""
@@ -187,8 +183,6 @@ class Texels:
         pixel = self.pixel[chosen]
         texel_at[pixel] = np.arange(len(chosen), dtype=np.int32)
         parts = (
-            "triangle",
-            "barycentric",
             "covered",
             "area",
             "position",
@@ -197,7 +191,7 @@ class Texels:
             "crossed",
         )
         own = {name: getattr(self, name)[chosen] for name in parts}
-        return replace(self, pixel=pixel, texel_at=texel_at, **own)
+        return replace(self, pixel=pixel, texel_at=texel_at, footprints=self.footprints.only(chosen, pixel), **own)
 
     def without(self, inside: Bools) -> Texels:
         """Leave out strata (T, 4) that lie inside other geometry: changes these texels, and returns them.
@@ -205,30 +199,36 @@ class Texels:
         A second copy of them would be what a large page can't afford.
         """
         changed = np.flatnonzero(inside.any(1))
-        for start in range(0, len(changed), TEXEL_CHUNK):
+        parts = [
             self._leave_out(changed[start : start + TEXEL_CHUNK], inside)
+            for start in range(0, len(changed), TEXEL_CHUNK)
+        ]
+        if parts:
+            triangle, weights = zip(*parts, strict=True)
+            self.footprints.put(changed, np.concatenate(triangle), np.concatenate(weights))
         return self
 
     def stand_at(self, changed: Int64, others: Int32 | Int64) -> None:
         """Let texels stand in one point, the first stratum of `others`, all (C,): changes these texels."""
-        self.triangle[changed] = self.triangle[others, :1]
-        self.barycentric[changed] = self.barycentric[others, :1]
-        self.position[changed], self.shading_normal[changed] = _means(
-            self.surfaces, self.triangle[changed], self.barycentric[changed]
-        )
+        triangle, weights = self.footprints.strata(others)
+        triangle, weights = triangle[:, [0] * STRATA], weights[:, [0] * STRATA]
+        self.footprints.put(changed, triangle, weights)
+        self.position[changed], self.shading_normal[changed] = _means(self.surfaces, triangle, weights)
 
-    def _leave_out(self, changed: Int64, inside: Bools) -> None:
+    def _leave_out(self, changed: Int64, inside: Bools) -> tuple[Int32, Float32]:
         before = self.covered[changed]
         lost = (inside[changed] << _SLOTS).sum(1)
         mask = before & ~lost
         lonely = (before == 0) & ((lost & 1) == 0)  # beside the chart: its one point stands in all strata
         source = STAND_INS[mask]
-        triangle = np.take_along_axis(self.triangle[changed], source, axis=1)
-        weights = self.barycentric[changed[:, None], source]
-        self.triangle[changed], self.barycentric[changed], self.covered[changed] = triangle, weights, mask
+        triangle, weights = self.footprints.strata(changed)
+        triangle = np.take_along_axis(triangle, source, axis=1)
+        weights = np.take_along_axis(weights, source[:, :, None], axis=1)
+        self.covered[changed] = mask
         self.area[changed] *= (BITS[mask] / np.maximum(BITS[before], 1)).astype(np.float32)
         self.valid[changed] &= (mask > 0) | lonely
         self.position[changed], self.shading_normal[changed] = _means(self.surfaces, triangle, weights)
+        return triangle, weights
 
 
 def _means(surfaces: Surfaces, triangle: Int32, barycentric: Float32) -> tuple[Float32, Float32]:
@@ -338,21 +338,23 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     yield from scaled(in_chunks(complete, count, TEXEL_CHUNK, workers), 0.7, 1.0)
     np.add.at(area, texel_at[tiny_pixel], surfaces.area[tiny])
     edges = uv[:, 1:] - uv[:, :1]
-    lookup = [uv[:, 0, 0], uv[:, 0, 1], edges[:, 0, 0], edges[:, 1, 0], edges[:, 0, 1], edges[:, 1, 1]]
+    parts = [uv[:, 0, 0], uv[:, 0, 1], edges[:, 0, 0], edges[:, 1, 0], edges[:, 0, 1], edges[:, 1, 1]]
+    lookup = np.stack(parts).astype(np.float32)
+    spread = spread_of(uv, page, size, surfaces.corners)
+    whole = covered == (1 << STRATA) - 1
     return Texels(
         size=size,
         page_count=pages,
         pixel=pixels,
         texel_at=texel_at,
-        triangle=triangles,
-        barycentric=barycentric,
+        footprints=footprints_of(pixels, size, whole, triangles, barycentric, lookup, spread, surfaces),
         covered=covered,
         area=area.astype(np.float32),
         position=position,
         shading_normal=shading,
         valid=np.ones(count, bool),
         crossed=np.zeros(count, bool),
-        lookup=np.stack(lookup).astype(np.float32),
+        lookup=lookup,
         page=page,
         surfaces=surfaces,
     )

@@ -150,7 +150,7 @@ def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibil
     def work(start: int, stop: int) -> Int64:
         path = order[start : stop + 1]
         here, there = path[:-1], path[1:]
-        pixel, part = texels.pixel[path], component[texels.triangle[path, 0]]
+        pixel, part = texels.pixel[path], component[texels.triangle[path]]
         valid = texels.valid[path]
         wanted = (np.diff(pixel) == stride) & (part[1:] == part[:-1]) & valid[1:] & valid[:-1]
         if stride == 1:
@@ -222,7 +222,7 @@ def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Floa
     planes = np.zeros((len(chosen), 4, 4), np.float32)
     nearest = np.ones(len(chosen), np.float32)
     surfaces = texels.surfaces
-    component = surfaces.component[texels.triangle[:, 0]] if len(chosen) else np.zeros(0, np.int32)
+    component = surfaces.component[texels.triangle[:]] if len(chosen) else np.zeros(0, np.int32)
     column = texels.pixel[chosen] % texels.size
     for side, step in enumerate((-1, 1, -texels.size, texels.size)):
         other = texels.texel_at.take(texels.pixel[chosen] + step, mode="clip")
@@ -299,7 +299,7 @@ def part_cells(
     for step in (1, -1, texels.size, -texels.size):
         other = texels.texel_at.take(texels.pixel[asked] + step, mode="clip")
         near = (other >= 0) & (cell[other] >= 0) & ~lost[other]
-        near &= label[texels.triangle[other, 0]] == label[texels.triangle[asked, 0]]
+        near &= label[texels.triangle[other]] == label[texels.triangle[asked]]
         near[near] = ~(yield from unseen(asked[near], seat[cell[other[near]]], True))
         cell[asked[near]] = cell[other[near]]
         asked = asked[~near]

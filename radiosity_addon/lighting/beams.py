@@ -71,4 +71,4 @@ def direct_light(
 def _glossy(materials: tuple[Material, ...], texels: Texels) -> Bools:
     """(T,) bool: texels of materials with gloss."""
     glossy = np.array([bool(material.glosses) for material in materials] or [False])
-    return np.asarray(texels.valid & glossy[texels.surfaces.material[texels.triangle[:, 0]]])
+    return np.asarray(texels.valid & glossy[texels.surfaces.material[texels.triangle[:]]])

@@ -155,7 +155,7 @@ def _cells(texels: Texels, spacing: float) -> tuple[Float32, Int64]:
     lookup = texels.lookup.astype(np.float64)
     each = 2 * texels.surfaces.area / np.maximum(np.abs(lookup[2] * lookup[5] - lookup[3] * lookup[4]), 1e-12)
     level = np.round(np.log2(np.maximum(spacing * np.sqrt(each), 1e-6))).astype(np.int64)
-    triangle = texels.triangle[:, 0]
+    triangle = texels.triangle[:]
     width = np.ldexp(np.float32(1), level.astype(np.int32))[triangle].astype(np.float32)
     normal = texels.normal[:]
     facing = np.abs(normal).argmax(1)

@@ -301,7 +301,7 @@ def _probe(
         points, shading, normal = texels.position[ids], texels.shading_normal[ids], texels.normal[ids]
         receivers = Receivers.of(texels, ids)
         origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
-        mesh = texels.surfaces.shown_mesh(texels.triangle[ids, 0])
+        mesh = texels.surfaces.shown_mesh(texels.triangle[ids])
         for index, lamp in enumerate(batch.lamps):
             light = lamp.light(points, shading, None if len(receivers.normals) == 1 else normal)
             batch.keep_to_receivers(index, light, mesh)

@@ -35,9 +35,9 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
         light *= np.float32(1 / np.pi)
         pages[texels.pixel[chosen]] = light
         known[texels.pixel[chosen]] = True
-        seen[component[texels.triangle[chosen, 0]]] = True
+        seen[component[texels.triangle[chosen]]] = True
     hidden = np.flatnonzero(~texels.valid[:count])
-    buried = hidden[~seen[component[texels.triangle[hidden, 0]]]]
+    buried = hidden[~seen[component[texels.triangle[hidden]]]]
     known[texels.pixel[buried]] = True  # a surface without a valid texel lies inside a solid, where it is dark
     close_seams(pages, known, texels)
     shape = (page_count, size, size)

@@ -26,7 +26,7 @@ def looking_away(patches: Patches, radiosity: Float64, meshes: Sequence[Mesh]) -
     """
     if not patches.has_backs:
         return ()
-    owner = patches.texels.surfaces.mesh[patches.texels.triangle[patches.any_texels(), 0]]
+    owner = patches.texels.surfaces.mesh[patches.texels.triangle[patches.any_texels()]]
     power = np.maximum(radiosity.sum(1) - patches.emission, 0).sum(1) * patches.area
     behind = np.bincount(owner, power * (patches.sides < 0), minlength=len(meshes))
     whole = np.bincount(owner, power, minlength=len(meshes))

@@ -8,7 +8,7 @@ early; nothing of it enters one that is not.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -26,6 +26,9 @@ from ..lighting.sky import Sky, cells, sky_of
 from ..sampling import cosine_directions, even_uniform
 from ..scene import Scene
 from .vertices import Vertices, cell_names, place_vertices
+
+BLOCK = 1 << 16
+"""Texels whose light is taken from samples in one go."""
 
 SPACINGS = 3000
 """Squares of a vertex spacing that all surfaces together hold."""
@@ -91,10 +94,23 @@ class FirstLight:
         return self._between(means, texels)
 
     def _samples(self, texels: Texels) -> Int32:
-        return self.vertices.at(texels.triangle[:, 0], texels.barycentric[:, 0])
+        found = np.empty(texels.count, np.int32)
+        for part, triangle, weights in _first_strata(texels):
+            found[part] = self.vertices.at(triangle, weights)
+        return found
 
     def _between(self, values: Float32, texels: Texels) -> Float32:
-        return self.vertices.between(values, texels.triangle[:, 0], texels.barycentric[:, 0])
+        found = np.empty((texels.count, *values.shape[1:]), np.float32)
+        for part, triangle, weights in _first_strata(texels):
+            found[part] = self.vertices.between(values, triangle, weights)
+        return found
+
+
+def _first_strata(texels: Texels) -> Iterator[tuple[slice, Int32, Float32]]:
+    """Triangles and barycentrics of the first strata of all texels, some at a time."""
+    for start in range(0, texels.count, BLOCK):
+        own = np.arange(start, min(start + BLOCK, texels.count))
+        yield slice(start, start + len(own)), *texels.footprints.at(own, np.zeros_like(own))
 
 
 def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:

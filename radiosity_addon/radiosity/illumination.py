@@ -78,7 +78,7 @@ def first_exitance(
     backs = np.flatnonzero(patches.sides < 0)
     received = np.zeros((len(backs), groups, 3))
     texel = patches.any_texels()
-    mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs], 0])
+    mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs]])
     for sample in range(BACK_SAMPLES):
         points, normals = patches.origins(backs, np.full(len(backs), sample))
         received += irradiance_at(

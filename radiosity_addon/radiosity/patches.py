@@ -177,7 +177,7 @@ def group_patches(
     taking = numbers_of(texels.valid & (stopping > 0))
     extent = float(texels.area[taking].sum(dtype=np.float64))
     width = float(np.sqrt(extent / max(target, 1))) or 1.0
-    hollow = ~(solid | texels.surfaces.two_sided)[texels.triangle[:, 0][taking]]
+    hollow = ~(solid | texels.surfaces.two_sided)[texels.triangle[taking]]
 
     def parted(cell: Int32, count: int, chosen: Int32, first: Bools, side: int) -> tuple[Int32, int]:
         """Cells that no wall crosses."""
@@ -258,7 +258,7 @@ def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None
     keys = np.empty(len(chosen), np.int64)
     for start in range(0, len(chosen), BLOCK):
         own = chosen[start : start + BLOCK]
-        key = label[texels.triangle[own, 0]] * 6
+        key = label[texels.triangle[own]] * 6
         key += _facing(*np.ascontiguousarray(texels.normal[own].T))
         finest: Float32 | np.float32 = np.float32(width)
         if levels is not None:
