@@ -89,6 +89,15 @@ def test_backs_of_two_sided_meshes_have_light_of_their_own() -> None:
     assert light.direct[mesh == 1].min() > 0.3
 
 
+def test_a_glimpse_comes_before_it_and_has_its_light_from_fewer_rays() -> None:
+    steps = first_light(with_backs(furnished_room()))
+    glimpse = next(light for light in steps if light is not None)
+    light = finish(steps)
+    assert np.array_equal(glimpse.direct, light.direct)
+    assert glimpse.indirect.mean() == pytest.approx(light.indirect.mean(), rel=0.05)
+    assert not np.array_equal(glimpse.indirect, light.indirect)
+
+
 def test_it_does_not_depend_on_chance() -> None:
     one, other = light_of(furnished_room()), light_of(furnished_room())
     assert np.array_equal(one.radiance, other.radiance)

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Generator
 
 import numpy as np
 import pytest
 
+from radiosity_addon.atlas.unwrap import Atlas, build_atlas
 from radiosity_addon.bake import Baked, bake
 from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Scene
@@ -58,6 +60,21 @@ def test_pages_are_the_same_to_the_bit_whether_anyone_looks_on(whole: Baked) -> 
     assert isinstance(first, LitVertices)
     assert len(later) >= 4
     assert all(isinstance(view, LitPages) for view in later)
+
+
+def test_something_is_seen_before_charts_are_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer, seen = Onlooker(), []
+
+    def counted(scene: Scene, settings: BakeSettings) -> Generator[float, None, Atlas]:
+        seen.append(len(viewer.views))
+        return build_atlas(scene, settings)
+
+    monkeypatch.setattr("radiosity_addon.bake.build_atlas", counted)
+    steps = bake(furnished_room(), SETTINGS, viewer=viewer)
+    while not seen:
+        next(steps)
+    steps.close()
+    assert seen == [1]
 
 
 def test_what_is_shown_comes_nearer_to_what_is_baked() -> None:

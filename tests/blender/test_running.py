@@ -16,6 +16,7 @@ from radiosity_addon.blender.interface import operators
 from radiosity_addon.blender.interface.display_table import EDGE, display_table
 from radiosity_addon.blender.interface.running import Running
 from radiosity_addon.blender.job import Seat
+from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
@@ -144,6 +145,23 @@ def test_the_display_table_shows_light_as_blender_does(scene: bpy.types.Scene) -
     assert np.interp(1 / 8, level, grey[:, 0]) == pytest.approx(0.537, abs=0.02)
     assert table[0, 0, -1].tolist() == pytest.approx([1, 0.04, 0.04], abs=0.03)
     assert differences(before, snapshot()) == []
+
+
+def test_what_is_hidden_in_the_view_is_not_drawn(scene: bpy.types.Scene) -> None:
+    behind = bpy.data.objects.new("Behind", bpy.data.objects["Floor"].data)
+    scene.collection.objects.link(behind)
+    behind.hide_set(True)
+    looking = Running.seat(scene)
+    extraction = extract_scene(scene)
+    try:
+        drawn = looking(extraction).visible
+    finally:
+        Running.view.remove()
+        Running.view = None
+    assert {source.object_name: shown for source, shown in zip(extraction.sources, drawn, strict=True)} == {
+        "Floor": True,
+        "Behind": False,
+    }
 
 
 def test_many_edits_are_one_warning(scene: bpy.types.Scene) -> None:

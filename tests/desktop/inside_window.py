@@ -62,8 +62,9 @@ def look(shading: str, camera: bool) -> None:
     """Choose how the 3D view is shaded, and whether it looks through the camera, quickly drawn."""
     space = area("VIEW_3D").spaces.active
     space.shading.type = shading
+    bpy.context.preferences.system.viewport_aa = "OFF"  # software draws a picture for each sample
     if camera:
-        bpy.context.window_manager.windows[0].scene.eevee.taa_samples = 1  # software draws a picture for each
+        bpy.context.window_manager.windows[0].scene.eevee.taa_samples = 1  # likewise
         space.region_3d.view_perspective = "CAMERA"
 
 

@@ -78,6 +78,7 @@ class LightRecords:
         world = self._to_render
         if world is None:
             return
+        yield
         sky = yield from render_sky(scene, world, self._notes.hears(f"World {world.name!r}"))
         self.world = replace(self.world, sky=sky)
 
