@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import bpy
@@ -133,6 +134,6 @@ def _solid(corners: Float64) -> tuple[Bools, Float64]:
 
 
 def _get(items: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], dtype: type) -> Floats | Int32:
-    values = np.empty(int(np.prod(shape)), dtype)
+    values = np.empty(math.prod(shape), dtype)
     items.foreach_get(name, values)
     return values.reshape(shape)

@@ -232,7 +232,7 @@ class _Reader:
         return self.stand_in(node, name, groups) if constant is None else constant
 
     def number(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
-        return float(self.color(node, name, groups).mean())
+        return float(self.color(node, name, groups).sum()) / 3
 
     def share(self, node: bpy.types.Node, name: str, groups: Groups) -> float:
         return min(max(self.number(node, name, groups), 0.0), 1.0)

@@ -337,6 +337,7 @@ def kept_uv(mesh: bpy.types.Mesh, name: str, settings: bpy.types.PropertyGroup |
 
 def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
     """Whether a uv map written onto the object's own mesh is what the render shows."""
-    if original.type != "MESH" or any(mod.type == "NODES" and mod.show_render for mod in original.modifiers):
+    shown = [mod for mod in original.modifiers if mod.show_render]
+    if original.type != "MESH" or any(mod.type == "NODES" for mod in shown):
         return False
-    return has_loops_of(rendered, original.data)
+    return not shown or has_loops_of(rendered, original.data)
