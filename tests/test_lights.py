@@ -202,7 +202,8 @@ def test_what_stands_on_the_floor_casts_its_shadow_from_its_very_foot() -> None:
 
 def test_direct_light_does_not_depend_on_the_number_of_threads() -> None:
     scene = shaded_floor(replace(PANEL, position=(0, 0, 3)))
-    assert np.array_equal(Stage(scene, threads=1).direct, Stage(scene, threads=2).direct)
+    for several in (scene, replace(scene, lights=(*scene.lights, replace(PANEL, position=(1, 0, 2))))):
+        assert np.array_equal(Stage(several, threads=1).direct, Stage(several, threads=2).direct)
 
 
 def test_lamps_superpose_and_each_lights_its_own_group() -> None:

@@ -48,14 +48,17 @@ def final_gather(
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
-    rays = GatherRays(texels, patches, visibility, settings, light.brightness(patches), gleams)
-    points = yield from scaled(place_points(texels, lit, base, texel_width, rays), 0.0, 0.3)
+    bright = yield from scaled(light.brightness(patches, workers), 0.0, 0.0)
+    rays = GatherRays(texels, patches, visibility, settings, bright, gleams)
+    del bright
+    points = yield from scaled(place_points(texels, lit, base, texel_width, rays, workers), 0.0, 0.3)
     points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
     irradiance = np.zeros((points.count, 0), np.float32)
     for number in range(len(light.passes)):
-        table = light.radiance(number, patches, irradiance if number else None, points.cell)
         low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
+        known = irradiance if number else None
+        table = yield from scaled(light.radiance(number, patches, workers, known, points.cell), low, low)
         irradiance = yield from scaled(tally.sum(table, workers), low, high)
         if tally.gleams is not None:
             irradiance += tally.gleams * np.repeat(light.passes[number].reflecting, 3)

@@ -9,13 +9,13 @@ Cells are world-space ones: charts of one surface share them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
-from ..chunks import Fractions, scaled
+from ..chunks import Fractions, in_chunks, scaled
+from ..columns import dots
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls, part_cells
@@ -114,7 +114,8 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
         return np.concatenate([part[None], turned.T, cube.T]).astype(np.int64)
 
     def of(block: Int64 | Int32) -> tuple[Int32, Float32, Float32]:
-        return component[texels.triangle[block]], texels.shading_normal[block], texels.position[block]
+        part = component.take(texels.triangle[block])
+        return part, texels.shading_normal.take(block, axis=0), texels.position.take(block, axis=0)
 
     # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
     ends = [[each(part, axis=0, keepdims=True) for part in of(block)] for block in blocks for each in (np.min, np.max)]
@@ -132,7 +133,9 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
     return keys
 
 
-def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes) -> Fractions[GatherPoints]:
+def place_points(
+    texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes, workers: int = 1
+) -> Fractions[GatherPoints]:
     """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide."""
     cell = np.full(texels.count, -1, np.int32)
     at_texel = np.full(texels.count, -1, np.int32)
@@ -147,7 +150,9 @@ def place_points(texels: Texels, lit: Bools, base: float, texel_width: float, ey
         finest = width < 1.5 * FINEST * texel_width
         last = width < 0.75 * FINEST * texel_width
         bend = FOLDED if finest else SPLIT_BEND
-        cells = _cells(texels, open_texels, width, max(LAYER * width, THINNEST * texel_width), bend)
+        thickness = max(LAYER * width, THINNEST * texel_width)
+        finding = _cells(texels, open_texels, width, thickness, bend, workers)
+        cells = yield from scaled(finding, level / LEVELS, level / LEVELS)
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
         new = np.flatnonzero(point < 0)
@@ -202,14 +207,19 @@ class _Cells:
     bent: Bools
 
 
-def _cells(texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, bend: float) -> _Cells:
+def _cells(
+    texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, bend: float, workers: int
+) -> Fractions[_Cells]:
     members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
     ends = begin + size
-    cuts = np.unique(np.searchsorted(ends, np.arange(0, len(members), BLOCK)))
-    parts = []
-    for first, last in pairwise([*cuts, len(begin)]):
+    cuts = [*np.unique(np.searchsorted(ends, np.arange(0, len(members), BLOCK))), len(begin)]
+
+    def work(start: int, stop: int) -> _Cells:
+        first, last = cuts[start], cuts[stop]
         own = slice(int(begin[first]), int(ends[last - 1]))
-        parts.append(_layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness, bend))
+        return _layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness, bend)
+
+    parts = yield from in_chunks(work, len(cuts) - 1, 1, workers)
     if not parts:
         return _Cells(members, begin, size, np.zeros(0, bool))
     size, bent = (np.concatenate([getattr(part, name) for part in parts]) for name in ("size", "bent"))
@@ -220,16 +230,16 @@ def _layers(texels: Texels, members: Int32 | Int64, begin: Int64, size: Int64, t
     """Cells as they are given, or parted where they have more than one layer."""
     owner = np.repeat(np.arange(len(begin)), size)
     share = (1 / size[:, None]).astype(np.float32)
-    normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
-    position = texels.position[members]
+    normal = np.add.reduceat(texels.shading_normal.take(members, axis=0), begin, axis=0) * share
+    position = texels.position.take(members, axis=0)
     centre = np.add.reduceat(position, begin, axis=0) * share
-    height = np.einsum("ij,ij->i", position - centre[owner], normal[owner])
+    height = dots(position - centre.take(owner, axis=0), normal.take(owner, axis=0))
     layer = np.rint(height / np.float32(thickness)).astype(np.int64)
     if layer.any():
         members, begin, size = _grouped(members, mixed_radix(owner, layer))
         share = (1 / size[:, None]).astype(np.float32)
-        normal = np.add.reduceat(texels.shading_normal[members], begin, axis=0) * share
-    return _Cells(members, begin, size, np.sqrt(np.einsum("ij,ij->i", normal, normal)) < 1 - bend)
+        normal = np.add.reduceat(texels.shading_normal.take(members, axis=0), begin, axis=0) * share
+    return _Cells(members, begin, size, np.sqrt(dots(normal, normal)) < 1 - bend)
 
 
 def _grouped(chosen: Int32 | Int64, keys: Int64) -> tuple[Int32 | Int64, Int64, Int64]:

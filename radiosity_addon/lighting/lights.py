@@ -50,7 +50,10 @@ TOGETHER = 64
 """Of many lamps so many, at most, are treated before their light is added, in order."""
 
 COPIED = 1 << 20
-"""Texels that a lamp is treated at alone, at most: a copy of them takes 0.1 GB. Beyond, it is treated at all."""
+"""Texels that a lamp is treated at alone, at most: a copy of them takes 0.1 GB. Beyond, it is treated at all.
+
+Up to so many, shadows of several lamps are looked at side by side, each by one thread; beyond, all look at one.
+"""
 
 PROBE_CHUNK = 1 << 14
 """Texels probed in one go."""
@@ -238,13 +241,20 @@ def _shares(
     number = len(batch.lamps)
     probes = _Probes.none(number, texels.count, visibility)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
+
+    def share_of(index: int, workers: int) -> Fractions[Float32]:
+        if not batch.lamps[index].shadow:
+            return np.ones((1, 1), np.float32)
+        own = replace(settings, threads=workers)
+        return (yield from _shadow(batch.lamps[index], index, texels, visibility, own, probes))
+
+    if number > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
+        working = in_chunks(lambda start, _: finish(share_of(start, 1)), number, 1, settings.workers)
+        return probes, (yield from scaled(working, 0.5, 1))
     shares = []
-    for index, lamp in enumerate(batch.lamps):
+    for index in range(number):
         low, high = 0.5 + index / number / 2, 0.5 + (index + 1) / number / 2
-        share: Float32 = np.ones((1, 1), np.float32)
-        if lamp.shadow:
-            share = yield from scaled(_shadow(lamp, index, texels, visibility, settings, probes), low, high)
-        shares.append(share)
+        shares.append((yield from scaled(share_of(index, settings.workers), low, high)))
     return probes, shares
 
 
@@ -298,7 +308,8 @@ def _probe(
         ids = start + np.flatnonzero(texels.valid[start:stop])
         if not len(ids):
             return
-        points, shading, normal = texels.position[ids], texels.shading_normal[ids], texels.normal[ids]
+        points, shading = (rows.take(ids, axis=0) for rows in (texels.position, texels.shading_normal))
+        normal = texels.normal.take(ids)
         receivers = Receivers.of(texels, ids)
         origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
         mesh = texels.surfaces.shown_mesh(texels.triangle[ids])
@@ -311,7 +322,7 @@ def _probe(
                 continue
             some = receivers.only(lit)
             u, v = (shifted(pattern[:, k, None], some.shifts[k]).reshape(-1) for k in (0, 1))
-            p = origins[:, :, lit].reshape(3, -1)
+            p = origins.take(lit, axis=2).reshape(3, -1)
             normals = [np.tile(rows, (1, count)) for rows in some.normals]
             found, share = shoot(lamp, p, normals, u, v, visibility)
             probes.put(index, some.ids, found.reshape(count, -1), share.reshape(len(share), count, -1))

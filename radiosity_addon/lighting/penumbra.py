@@ -56,7 +56,7 @@ def smooth_penumbrae(
 
 
 def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Float32:
-    position, normal = rows_of(texels.position[ids]), rows_of(texels.normal[ids])
+    position, normal = rows_of(texels.position.take(ids, axis=0)), rows_of(texels.normal.take(ids))
     pixel = texels.pixel[ids]
     own = shares[ids]
     area = texels.area[ids]
@@ -75,7 +75,7 @@ def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Floa
             used = (share >= 0) & (other >= 0)
             if not inner.all():
                 used &= (row + dy >= 0) & (row + dy < texels.size) & (column + dx >= 0) & (column + dx < texels.size)
-            gap = rows_of(texels.position[other])
+            gap = rows_of(texels.position.take(other, axis=0))
             gap -= position
             s, t, off = (dot(gap, axis) for axis in frame)
             off *= off
@@ -84,7 +84,7 @@ def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Floa
             used &= off <= np.float32(THICK**2) * square
             square += off
             used &= square <= np.float32(APART**2 * (dx * dx + dy * dy)) * np.maximum(texels.area.take(other), area)
-            used &= dot(rows_of(texels.normal[other]), normal) > np.float32(FLAT)
+            used &= dot(rows_of(texels.normal.take(other)), normal) > np.float32(FLAT)
             share -= own
             weight = used.astype(np.float32)
             variance += noise.take(other) * weight

@@ -57,7 +57,7 @@ class Receivers:
     @classmethod
     def of(cls, texels: Texels, ids: Int64) -> Receivers:
         """The receivers at texels `ids`. Neighbours differ in their samples so that they complement each other."""
-        shading, normal = texels.shading_normal[ids], texels.normal[ids]
+        shading, normal = texels.shading_normal.take(ids, axis=0), texels.normal.take(ids)
         pixel = texels.pixel[ids].astype(np.int64)
         return cls(
             ids=ids,
@@ -72,7 +72,7 @@ class Receivers:
             return self
         return Receivers(
             ids=self.ids[chosen],
-            normals=[rows[:, chosen] for rows in self.normals],
+            normals=[rows.take(chosen, axis=1) for rows in self.normals],
             shifts=(self.shifts[0][chosen], self.shifts[1][chosen]),
             turn=self.turn[chosen],
         )

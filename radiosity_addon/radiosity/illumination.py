@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32
+from ..chunks import Fractions, in_chunks
 from ..columns import dots, sums
 from ..geometry.appearance import Appearance
 from ..geometry.visibility import Visibility
@@ -134,8 +135,8 @@ class Illumination:
         return found
 
     def radiance(
-        self, number: int, patches: Patches, indirect: Float32 | None = None, at: Int32 | None = None
-    ) -> Float32:
+        self, number: int, patches: Patches, workers: int, indirect: Float32 | None = None, at: Int32 | None = None
+    ) -> Fractions[Float32]:
         """What each element sends out in a gather pass, (T + N + C + SPECIAL_ROWS, 3 G + 1) float32, W/(m2 sr).
 
         The last column is the sum of the others. Four numbers a row, as most scenes have them, are read fastest.
@@ -148,23 +149,28 @@ class Illumination:
         count, groups = len(self.direct), self.direct.shape[1]
         others = self.radiance_of_others(number, patches)
         table = np.empty((count + len(others), 3 * groups + 1), np.float32)
-        for start in range(0, count, BLOCK):
-            part = slice(start, min(start + BLOCK, count))
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
             near = None if indirect is None or at is None else _near(indirect, at[part])
             table[part, :-1] = light = self.radiance_of_texels(number, patches, part, near)
             table[part, -1] = sums(light)
+
+        yield from in_chunks(work, count, BLOCK, workers)
         table[count:, :-1] = others
         table[count:, -1] = sums(others)
         return table
 
-    def brightness(self, patches: Patches) -> Float32:
+    def brightness(self, patches: Patches, workers: int) -> Fractions[Float32]:
         """The last column (T + N + C + SPECIAL_ROWS,) of `radiance` in the last pass."""
         last, count = len(self.passes) - 1, len(self.direct)
         others = self.radiance_of_others(last, patches)
         bright = np.empty(count + len(others), np.float32)
-        for start in range(0, count, BLOCK):
-            part = slice(start, min(start + BLOCK, count))
-            bright[part] = sums(self.radiance_of_texels(last, patches, part))
+
+        def work(start: int, stop: int) -> None:
+            bright[start:stop] = sums(self.radiance_of_texels(last, patches, slice(start, stop)))
+
+        yield from in_chunks(work, count, BLOCK, workers)
         bright[count:] = sums(others)
         return bright
 
