@@ -18,8 +18,14 @@ SKIPPED = {
     "is_library_indirect",
 }  # fmt: skip
 """What changes by itself, belongs to the window, or is derived."""
-UV_LEGACY = {"data", "vertex_selection", "edge_selection", "pin"}
-"""Of a uv map: reading these crashes Blender 4.5 or makes layers."""
+if bpy.app.version < (4, 3):
+    # Scene.copy() counts what lies in the scene's own collection once too often; opening the file counts anew.
+    SKIPPED.add("users")
+UNREADABLE = {
+    "MeshUVLoopLayer": {"data", "vertex_selection", "edge_selection", "pin"},
+    "ToolSettings": {"uv_sculpt"},
+}
+"""Of a uv map, what crashes Blender 4.5 or makes layers when it is read; of tools, what crashes 4.2."""
 BULK = 64
 """Collections of more items than this are compared by their arrays."""
 
@@ -60,8 +66,7 @@ def differences(before: Any, after: Any, path: str = "") -> list[str]:
 def _properties(thing: Any, depth: int) -> dict[str, Any]:
     taken: dict[str, Any] = {}
     for prop in thing.bl_rna.properties:
-        legacy = isinstance(thing, bpy.types.MeshUVLoopLayer) and prop.identifier in UV_LEGACY
-        if prop.identifier in SKIPPED or legacy:
+        if prop.identifier in SKIPPED or prop.identifier in UNREADABLE.get(thing.bl_rna.identifier, ()):
             continue
         taken[prop.identifier] = _value(thing, prop, depth)
     if hasattr(thing, "keys") and not isinstance(thing, bpy.types.Preferences):

@@ -65,13 +65,15 @@ def test_eight_uv_maps_leave_room_for_the_pages():
     assert pages()["Full"][32, 32, :2] == pytest.approx([0.5, 0.5], abs=0.01)
 
 
-def test_tiles_of_a_udim_lie_side_by_side():
+def test_tiles_of_a_udim_lie_side_by_side(tmp_path):
     tiled = bpy.data.images.new("Tiles", 4, 4, tiled=True, float_buffer=True, is_data=True)
     with bpy.context.temp_override(edit_image=tiled):
         tiled.tiles.new(tile_number=1002)
         for number, color in ((0, (1, 0, 0, 1)), (1, (0, 0, 1, 1))):
             tiled.tiles.active_index = number
             bpy.ops.image.tile_fill(color=color, width=4, height=4, float=True, alpha=True)
+    tiled.filepath_raw, tiled.file_format = str(tmp_path / "tiles.<UDIM>.exr"), "OPEN_EXR"
+    tiled.save()  # Cycles of 4.2 looks for tiles in files alone
     thing = plane("Floor", emitting(of_image(tiled, "Wide")))
     add_uv_map(thing, "Wide", 2.0)
     page = pages()["Floor"]

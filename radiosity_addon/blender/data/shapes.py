@@ -72,7 +72,8 @@ def set_corner_normals(mesh: bpy.types.Mesh, normals: Floats) -> None:
     Without FREE_NORMALS this marks edges as sharp.
     """
     if not FREE_NORMALS:
-        mesh.normals_split_custom_set(normals.astype(np.float32))
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)  # 4.2 takes for granted that they are 1
+        mesh.normals_split_custom_set((normals / np.where(lengths > 0, lengths, 1)).astype(np.float32))
         return
     unset = ~normals.any(axis=1)
     if unset.any():
