@@ -27,8 +27,8 @@ LIFT = 1e-4
 """Of those points above the floor, m."""
 
 
-def ball(name: str, centre: np.ndarray, count: int) -> Mesh:
-    """A smooth ball of some `count` triangles, laid flat by longitude and latitude."""
+def ball(name: str, centre: np.ndarray, radius: float, count: int, flat_known: bool = True) -> Mesh:
+    """A smooth ball of some `count` triangles, laid flat by longitude and latitude unless that is left to the bake."""
     rings = max(4, round(math.sqrt(count / 4)))
     turns = 2 * rings
     tilt = np.linspace(POLE, np.pi - POLE, rings + 1)[:, None]
@@ -49,18 +49,21 @@ def ball(name: str, centre: np.ndarray, count: int) -> Mesh:
     unit = normals[:, :-1].reshape(-1, 3)
     return Mesh(
         name,
-        centre + RADIUS * unit,
+        centre + radius * unit,
         triangles,
         unit[triangles].astype(np.float32),
         np.ones(len(triangles), np.int32),
         np.repeat(np.arange(len(quads), dtype=np.int32), 2),
         (4 * np.arange(len(quads))[:, None, None] + np.array(halves)).reshape(-1, 3).astype(np.int32),
-        uv=flat[:, halves].reshape(-1, 3, 2).astype(np.float32),
+        uv=flat[:, halves].reshape(-1, 3, 2).astype(np.float32) if flat_known else None,
     )
 
 
-def hall(triangles: int, lamps: int) -> Scene:
-    """Walls, a floor, balls above it that share the triangles, and so many points as lamps, or four panels for 0."""
+def hall(triangles: int, lamps: int, balls: int = BALLS) -> Scene:
+    """Walls, a floor, balls above it that share the triangles, and so many points as lamps, or four panels for 0.
+
+    More balls than usual, a square number, are smaller, and xatlas has to lay them flat, as the things of a level.
+    """
     x, y, z = (WIDTH, 0, 0), (0, WIDTH, 0), (0, 0, HEIGHT)
     walls = [
         quad((0, 0, HEIGHT), y, x),
@@ -70,11 +73,12 @@ def hall(triangles: int, lamps: int) -> Scene:
         quad((0, WIDTH, 0), x, z),
     ]
     meshes = [mesh_of("Walls", walls, [0] * 5), mesh_of("Floor", [quad((0, 0, 0), x, y)], [0])]
-    across = math.isqrt(BALLS)
-    for number in range(BALLS):
+    across = math.isqrt(balls)
+    radius = RADIUS * math.sqrt(BALLS / balls)
+    for number in range(balls):
         row, column = divmod(number, across)
         place = ((column + 0.5) * WIDTH / across, (row + 0.5) * WIDTH / across, 1.1 + 0.2 * (number % 3))
-        meshes.append(ball(f"Ball {number}", np.array(place), triangles // BALLS))
+        meshes.append(ball(f"Ball {number}", np.array(place), radius, triangles // balls, balls == BALLS))
     materials = (Material("Lime", (0.7, 0.66, 0.6)), Material("Blue", (0.2, 0.35, 0.6)))
     return Scene(tuple(meshes), materials, points_of_light(lamps) if lamps else panels())
 

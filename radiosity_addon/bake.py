@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -156,14 +157,16 @@ def bake(
             indirect = yield from log.stage("Gather", gather)
         else:
             indirect = light.irradiance_of_patches(patches)
-        live.update(indirect=lambda: indirect)
+        live.update(indirect=partial(np.asarray, indirect))
         log.viewer = None  # the light is there
         counted = any(limit is not None for limit in bounce_limits(scene, settings))
         check = own_error(
             texels, patches, light, lamps, direct, indirect, counted, wanted, visibility, settings.workers
         )
         error = yield from log.stage("Check", check)
-        irradiance = clamped(direct, look.reflectance, settings.clamp_direct) + indirect
+        irradiance = clamped(direct, look.reflectance, settings.clamp_direct)
+        irradiance += indirect
+        del indirect
     except Satisfied as stage:
         irradiance, ended_in = live.irradiance(), str(stage)
     if settings.show_patches and exchange is not None:

@@ -32,8 +32,20 @@ def parts() -> dict[str, Any]:
     """What a bake of the room hands to its check."""
     names = ("texels", "patches", "light", "lamps", "direct", "indirect", "counted", "wanted", "visibility", "workers")
     kept: list[tuple[Any, ...]] = []
+
+    def keep(*given: Any) -> Any:
+        kept.append(given)
+        parts = dict(zip(names, given, strict=True))
+        direct, indirect = parts["direct"].copy(), parts["indirect"].copy()  # a bake adds one to the other
+        kept[0] = (
+            *(
+                parts | {"direct": direct, "indirect": indirect, "light": replace(parts["light"], direct=direct)}
+            ).values(),
+        )
+        return own_error(*given)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(baking, "own_error", lambda *given: kept.append(given) or own_error(*given))
+        patch.setattr(baking, "own_error", keep)
         bake_of(room(), page_size=128, quality="medium", threads=1)
     return dict(zip(names, kept[0], strict=True))
 
