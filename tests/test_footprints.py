@@ -6,6 +6,7 @@ from copy import deepcopy
 import numpy as np
 
 from radiosity_addon.chunks import finish
+from radiosity_addon.estimate import BYTES_PER_TEXEL
 from radiosity_addon.geometry.by_triangle import ByTriangle
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import STRATA, Texels, rasterize
@@ -69,3 +70,15 @@ def test_values_of_triangles_read_as_an_array_over_texels():
     assert np.array_equal((2.0 * read)[chosen], 2 * array[chosen])
     assert np.array_equal(np.asarray(read), array)
     assert len(read) == len(array)
+
+
+def bytes_of(record: object) -> int:
+    """Of the arrays that a record holds itself."""
+    return sum(value.nbytes for value in vars(record).values() if isinstance(value, np.ndarray))
+
+
+def test_a_texel_of_a_flat_surface_takes_half_of_what_a_bake_may_keep_of_it():
+    texels = texels_of(mesh_of("Floor", [quad((0, 0, 0), (7, 0, 0), (0, 7, 0))], [0]))
+    rows = len(texels.footprints.triangle)
+    own = bytes_of(texels) + bytes_of(texels.footprints) - texels.pixel.nbytes  # which both of them name
+    assert own - 48 * rows < 48 * texels.count < BYTES_PER_TEXEL / 2 * texels.count
