@@ -24,6 +24,7 @@ from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility, passing_chance
 from ..lighting.lights import Lamps, irradiance_at
 from ..lighting.sky import cells
+from ..lighting.terminator import footing
 from ..radiosity.illumination import Illumination
 from ..radiosity.patches import SKY, Patches
 from ..sampling import cosine_directions, even_uniform, hash_bits
@@ -229,5 +230,6 @@ def _direct(
     normals = texels.shading_normal.take(texel, axis=0)
     mesh = texels.surfaces.shown_mesh(texels.triangle[texel])
     seeds = texel * 64 + sample + 5
-    light = irradiance_at(lamps, texels.origins(texel, sample), normals, visibility, STRATA, seeds, groups, mesh)
+    origins, stand = texels.origins(texel, sample), footing(texels, texel, sample)
+    light = irradiance_at(lamps, origins, normals, visibility, STRATA, seeds, groups, mesh, stand)
     return _luminance(light.reshape(len(light), -1)).reshape(-1, points).mean(1, dtype=np.float64)

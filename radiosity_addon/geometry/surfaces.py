@@ -26,6 +26,7 @@ SLIT = 1e-6
 
 _OF_TRIANGLES = (
     "corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "met", "casts", "front",
+    "terminator",
 )  # fmt: skip
 
 
@@ -46,6 +47,8 @@ class Surfaces:
         met: (F,) bool, light between surfaces meets it
         casts: (F,) bool, it stops the light of lamps
         front: (F,) int32, of a twin the triangle whose back it is, of others themselves
+        terminator: (F,) float32, cosine of light below which shadow rays start on the rounder surface that the normals
+            tell of; 0 for flat triangles
         origin: (3,) float64, m, what was subtracted from world space
         radius: half the diagonal of the bounding box, m
     """
@@ -62,6 +65,7 @@ class Surfaces:
     met: Bools
     casts: Bools
     front: Int32
+    terminator: Float32
     origin: Float64
     radius: float
 
@@ -119,8 +123,24 @@ class Surfaces:
     @cached_property
     def flat(self) -> Bools:
         """(F,) bool, triangles whose shading normals are their geometric one."""
-        gap = np.abs(self.corner_normals - self.normal[:, None])
-        return np.asarray((gap < FLAT).all(axis=(1, 2)))
+        return _flat(self.corner_normals, self.normal)
+
+    @cached_property
+    def rounds(self) -> bool:
+        """Whether shadow rays start on a rounder surface anywhere."""
+        return bool(self.terminator.any())
+
+    @cached_property
+    def slopes(self) -> Float32:
+        """(6, F), m: how far corners lie above planes through others, square to the normals there.
+
+        Corners 1 and 2 above the plane of 0, 0 and 2 above that of 1, 0 and 1 above that of 2.
+        """
+        pairs = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+        rows = [
+            np.einsum("ij,ij->i", self.corners[:, b] - self.corners[:, a], self.corner_normals[:, a]) for a, b in pairs
+        ]
+        return np.stack(rows)
 
     def points(self, triangle: Int32, weights: Float32) -> Float32:
         """Positions (R, 3), m, at barycentric weights (R, 2) of triangles (R,). In memory x, y and z lie apart."""
@@ -152,10 +172,14 @@ def flatten(scene: Scene) -> Surfaces:
     normal = cross / np.where(length > 0, length, 1)[:, None]
     component, closed = _components(scene)
     front = _fronts(scene, first)
+    corner_normals = _joined([mesh.corner_normals for mesh in scene.meshes], (0, 3, 3), np.float32)
+    terminator = np.repeat(np.array([mesh.terminator for mesh in scene.meshes], np.float32), np.diff(first))
+    if terminator.any():
+        terminator[_flat(corner_normals, normal.astype(np.float32))] = 0
     return Surfaces(
         corners=corners.astype(np.float32),
         normal=normal.astype(np.float32),
-        corner_normals=_joined([mesh.corner_normals for mesh in scene.meshes], (0, 3, 3), np.float32),
+        corner_normals=corner_normals,
         area=length / 2,
         mesh=np.repeat(np.arange(len(scene.meshes), dtype=np.int32), np.diff(first)),
         material=_joined([mesh.material for mesh in scene.meshes], (0,), np.int32),
@@ -165,6 +189,7 @@ def flatten(scene: Scene) -> Surfaces:
         met=np.repeat(np.array([mesh.met for mesh in scene.meshes], bool), np.diff(first)),
         casts=np.repeat(np.array([mesh.casts for mesh in scene.meshes], bool), np.diff(first)),
         front=front,
+        terminator=terminator,
         origin=origin,
         radius=float(np.linalg.norm(high - low) / 2),
     )
@@ -183,6 +208,11 @@ def on_front(surfaces: Surfaces, triangle: Int32, weights: Float32) -> tuple[Int
         return own, u, v
     turned = own >= surfaces.fronts
     return surfaces.front[own], np.where(turned, v, u), np.where(turned, u, v)
+
+
+def _flat(corner_normals: Float32, normal: Float32) -> Bools:
+    gap = np.abs(corner_normals - normal[:, None])
+    return np.asarray((gap < FLAT).all(axis=(1, 2)))
 
 
 def _fronts(scene: Scene, first: Int64) -> Int32:

@@ -112,9 +112,16 @@ class Texels:
         """
         if sample.max(initial=0) < STRATA:
             return self.footprints.points(texels, sample)
+        triangle, weights = self.places(texels, sample)
+        return self.surfaces.points(triangle, weights), triangle
+
+    def places(self, texels: Int64 | Int32, sample: Int64 | Int32) -> tuple[Int32, Float32]:
+        """Triangles (R,) and barycentrics (R, 2) of `points`."""
         triangle, weights = self.footprints.at(texels, sample & (STRATA - 1))
+        if sample.max(initial=0) < STRATA:
+            return triangle, weights
         turn = np.where((self.covered[texels] > 0) & ~self.crossed[texels], sample >> 2, 0)
-        return self.surfaces.points(triangle, self._shifted(weights, triangle, turn)), triangle
+        return triangle, self._shifted(weights, triangle, turn)
 
     def stratum_points(self, stratum: Int64 | Int32) -> tuple[Float32, Int32]:
         """As `points`, of strata (R,) numbered texel * 4 + slot."""

@@ -33,6 +33,7 @@ from .many_lamps import survey
 from .penumbra import smooth_penumbrae
 from .shades import Bytes, Shades, pooled, shade_codes
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
+from .terminator import Footing
 
 BATCH = 8
 """Lamps treated together, at most: they share ray origins."""
@@ -118,6 +119,7 @@ def irradiance_at(
     seed_ids: Int64,
     group_count: int,
     mesh: Int32 | None = None,
+    footing: Footing | None = None,
 ) -> Float32:
     """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
 
@@ -127,6 +129,7 @@ def irradiance_at(
         samples: shadow rays of a point and lamp
         seed_ids: (P,) what the samples are hashed from
         mesh: (P,) int32, that the points lie on, for lamps that do not light all
+        footing: where the P points stand, if light that grazes surfaces is to be seen from elsewhere
     """
     visibility = visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
@@ -142,7 +145,8 @@ def irradiance_at(
             if lamp.shadow and len(lit):
                 rays = samples if lamp.extended else 1
                 side = STRATA if rays % STRATA == 0 else 1
-                origins = [np.tile(rows_of(points[part][lit]), (1, side))]
+                tiled = np.tile(start + lit, side)
+                origins = [(rows_of(points[tiled]), None if footing is None else footing.only(tiled))]
                 tally = Tally.none(len(lit), visibility.channels)
                 chosen = shifts[0][lit], shifts[1][lit]
                 facing = [rows_of(normals[part][lit])]
@@ -309,12 +313,12 @@ def _probe(
         if not len(ids):
             return
         points, shading = (rows.take(ids, axis=0) for rows in (texels.position, texels.shading_normal))
-        normal = texels.normal.take(ids)
         receivers = Receivers.of(texels, ids)
-        origins = receivers.origins(texels, 0, count).reshape(3, count, -1)
+        horizon = None if len(receivers.normals) == 1 else receivers.normals[1].T
+        origins, footing = receivers.origins(texels, 0, count)
         mesh = texels.surfaces.shown_mesh(texels.triangle[ids])
         for index, lamp in enumerate(batch.lamps):
-            light = lamp.light(points, shading, None if len(receivers.normals) == 1 else normal)
+            light = lamp.light(points, shading, horizon)
             batch.keep_to_receivers(index, light, mesh)
             probes.light[index, ids] = light
             lit = np.flatnonzero(light > 0)
@@ -322,9 +326,10 @@ def _probe(
                 continue
             some = receivers.only(lit)
             u, v = (shifted(pattern[:, k, None], some.shifts[k]).reshape(-1) for k in (0, 1))
-            p = origins.take(lit, axis=2).reshape(3, -1)
+            p = origins.reshape(3, count, -1).take(lit, axis=2).reshape(3, -1)
+            stand = None if footing is None else footing.only(lit, count)
             normals = [np.tile(rows, (1, count)) for rows in some.normals]
-            found, share = shoot(lamp, p, normals, u, v, visibility)
+            found, share = shoot(lamp, p, normals, u, v, visibility, stand)
             probes.put(index, some.ids, found.reshape(count, -1), share.reshape(len(share), count, -1))
 
     return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)

@@ -24,6 +24,7 @@ from .lamp_samples import normals_of, rows_of
 from .lamps import Lamp
 from .light_nodes import LightNodes, place_nodes
 from .shadows import shoot
+from .terminator import footing, horizons
 
 LEAST_SPACING = 4.0
 """Texels between nodes, at least."""
@@ -143,16 +144,18 @@ def _asked(lamp: Lamp, number: int, nodes: LightNodes, visibility: Visibility) -
     for start in range(0, nodes.number, BLOCK):
         part = slice(start, start + BLOCK)
         own = nodes.texel[part]
-        shading, normal = texels.shading_normal[own], texels.normal[own]
+        shading = texels.shading_normal[own]
+        normal = horizons(texels, own, shading)
         bent = None if np.array_equal(shading, normal) else normal
         light[part] = lamp.light(texels.position[own], shading, bent)
         if not lamp.shadow:
             continue
         lit = np.flatnonzero(light[part] > 0)
         u, v = (hash_uniform(own[lit], 2 * number + k) for k in (0, 1))
-        p = rows_of(texels.origins(own[lit], stratum[part][lit]))
+        places = own[lit], stratum[part][lit]
+        p = rows_of(texels.origins(*places))
         normals = normals_of(shading[lit], None if bent is None else normal[lit])
-        _, share = shoot(lamp, p, normals, u, v, visibility)
+        _, share = shoot(lamp, p, normals, u, v, visibility, footing(texels, *places))
         arrives[:, part] = 0
         arrives[:, start + lit] = np.ceil(share * np.float32(255))
     return light, arrives

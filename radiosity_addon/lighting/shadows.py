@@ -15,6 +15,7 @@ from ..geometry.visibility import Visibility
 from .lamp_samples import cosine_above, lattice_generators, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
 from .shades import Shades, pooled, shade_codes
+from .terminator import Footing, footing, horizons
 
 TRACE_CHUNK = 1 << 13
 """Partly lit texels traced in one go, STRATA rays of each at a time."""
@@ -44,7 +45,7 @@ class Receivers:
 
     Attributes:
         ids: (B,) int64, texels
-        normals: shading and, if there, geometric normals as rows (3, B)
+        normals: shading normals and, if others, those of horizons, as rows (3, B)
         shifts: (B,) float32 each, of the samples' u and v
         turn: (B,) int64, stratum of the footprint that sample 0 starts from
     """
@@ -57,7 +58,8 @@ class Receivers:
     @classmethod
     def of(cls, texels: Texels, ids: Int64) -> Receivers:
         """The receivers at texels `ids`. Neighbours differ in their samples so that they complement each other."""
-        shading, normal = texels.shading_normal.take(ids, axis=0), texels.normal.take(ids)
+        shading = texels.shading_normal.take(ids, axis=0)
+        normal = horizons(texels, ids, shading)
         pixel = texels.pixel[ids].astype(np.int64)
         return cls(
             ids=ids,
@@ -82,15 +84,22 @@ class Receivers:
         u, v = (shifted(TURN * np.float32(turn) % 1, shift) if turn else shift for shift in self.shifts)
         return u, v
 
-    def origins(self, texels: Texels, first: int, count: int) -> Float32:
+    def origins(self, texels: Texels, first: int, count: int) -> tuple[Float32, Footing | None]:
         """Origins (3, count * B) of each one's shadow rays from number `first` on, one sample after the other."""
         samples = np.arange(first, first + count)[:, None]
         strata = (samples + self.turn) % STRATA + samples // STRATA * STRATA
-        return rows_of(texels.origins(np.tile(self.ids, count), strata.reshape(-1)))
+        places = np.tile(self.ids, count), strata.reshape(-1)
+        return rows_of(texels.origins(*places)), footing(texels, *places)
 
 
 def shoot(
-    lamp: Lamp, p: Float32, normals: list[Float32], u: Float32, v: Float32, visibility: Visibility
+    lamp: Lamp,
+    p: Float32,
+    normals: list[Float32],
+    u: Float32,
+    v: Float32,
+    visibility: Visibility,
+    footing: Footing | None = None,
 ) -> tuple[Float32, Float32]:
     """Light (B,) of the lamp's samples (u, v) at points p (3, B), and the share (C, B) of it that arrives.
 
@@ -98,6 +107,8 @@ def shoot(
     """
     way, light = lamp.aim(p, u, v)
     light *= cosine_above(way, normals)
+    if footing is not None:
+        p, way = footing.lift(p, way, normals[0])
     live = np.flatnonzero(light > 0)
     if len(live) == len(light):
         return light, visibility.transmitted(_rays(p), _rays(way))
@@ -140,7 +151,7 @@ class Tally:
     def add(
         self,
         lamp: Lamp,
-        origins: Sequence[Float32],
+        origins: Sequence[tuple[Float32, Footing | None]],
         normals: list[Float32],
         shifts: tuple[Float32, Float32],
         generators: Float32,
@@ -150,7 +161,8 @@ class Tally:
         """Trace samples, some at a time.
 
         Args:
-            origins: (3, S * B) each, of S samples one after the other; groups of samples take them in turn
+            origins: (3, S * B) each, and where they stand, of S samples one after the other; groups of samples take
+                them in turn
             normals: (3, B) each
             shifts: (B,) each, of the samples' u and v
             generators: (B,) of the samples' lattices
@@ -163,7 +175,8 @@ class Tally:
             u = shifted(group, shifts[0]).reshape(-1)
             v = group * generators + shifts[1]
             v -= np.floor(v)
-            light, share = shoot(lamp, origins[number % len(origins)], tiled, u, v.reshape(-1), visibility)
+            p, footing = origins[number % len(origins)]
+            light, share = shoot(lamp, p, tiled, u, v.reshape(-1), visibility, footing)
             square = light * light
             pairs = [(self.total, light), (self.arrived, light * share), (self.squares, square)]
             if visibility.dims:

@@ -11,10 +11,12 @@ from ..arrays import Bools, Float32, Float64, Int32
 from ..chunks import Fractions, in_chunks
 from ..columns import dots, sums
 from ..geometry.appearance import Appearance
+from ..geometry.footprints import STRATA
 from ..geometry.visibility import Visibility
 from ..lighting.beams import Beams
 from ..lighting.lights import Lamps, irradiance_at
 from ..lighting.sky import Sky
+from ..lighting.terminator import footing
 from ..scene import Scene
 from .patches import Patches
 from .transport import Transport
@@ -81,9 +83,12 @@ def first_exitance(
     texel = patches.any_texels()
     mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs]])
     for sample in range(BACK_SAMPLES):
-        points, normals = patches.origins(backs, np.full(len(backs), sample))
+        samples = np.full(len(backs), sample)
+        points, normals = patches.origins(backs, samples)
+        stratum = patches.stratum(backs, samples)
+        stand = footing(patches.texels, stratum // STRATA, stratum & (STRATA - 1), side=-1)
         received += irradiance_at(
-            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh
+            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh, stand
         )
     exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]

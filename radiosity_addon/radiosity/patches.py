@@ -82,17 +82,21 @@ class Patches:
 
     def origins(self, patches: Int64 | Int32, sample: Int64 | Int32) -> tuple[Float32, Float32]:
         """Points spread evenly over patches (R,), lifted off the surface, and unit normals; both (R, 3) float32, m."""
-        number = self.strata.number.take(patches)
-        chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
-        np.minimum(chosen, number - 1, out=chosen)
-        chosen += self.strata.start.take(patches)
         surfaces = self.texels.surfaces
-        points, triangle = self.texels.stratum_points(self.strata.at(chosen))
+        points, triangle = self.texels.stratum_points(self.stratum(patches, sample))
         normals = surfaces.normals(triangle)
         if self.has_backs:
             normals *= self.sides.take(patches)[:, None]
         points += normals * np.float32(surfaces.offset)
         return points, normals
+
+    def stratum(self, patches: Int64 | Int32, sample: Int64 | Int32) -> Int64 | Int32:
+        """The strata (R,) that `origins` start from, numbered texel * 4 + slot."""
+        number = self.strata.number.take(patches)
+        chosen = (even_uniform(patches, sample, ORIGIN_DIMENSION) * number).astype(np.int32)
+        np.minimum(chosen, number - 1, out=chosen)
+        chosen += self.strata.start.take(patches)
+        return self.strata.at(chosen)
 
     @property
     def has_backs(self) -> bool:

@@ -2,7 +2,8 @@
 """Cycles as the judge: the light at a few hundred points of a scene, and how far a bake is from it.
 
 A probe is the mean over the footprint of a texel: a square of 16 points on the surface, clipped to it. Each point is a
-tiny white triangle just above the surface, facing as the surface does and invisible to every ray that a bake traces.
+tiny white triangle just above the surface, facing as the surface does and invisible to every ray that a bake traces; on
+smooth-shaded surfaces it is a piece of a copy of their triangle, see `smooth_probes`.
 All points are one mesh whose uv map gives each a texel of its own; Cycles bakes diffuse light without colour into it,
 many samples, all bounces, nothing clamped. That is irradiance / pi, what a page holds, with no unwrap of ours in
 between.
@@ -19,6 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from tests.accuracy.smooth_probes import Hosts, host_mesh, strip
 
 POINTS = 16
 """Points of a footprint: a rank-1 lattice, so that an edge of any direction cuts it evenly."""
@@ -82,13 +85,21 @@ class Footprints:
     Attributes:
         points: (N, POINTS, 3) on the surface, m
         normals, shading: (N, POINTS, 3) unit, the surface's own normals there and its shading normals
+        corners, corner_normals: (N, POINTS, 3, 3) of the triangles that they lie on, m and unit
         there: (N, POINTS) bool, points that the surface has
     """
 
     points: np.ndarray
     normals: np.ndarray
     shading: np.ndarray
+    corners: np.ndarray
+    corner_normals: np.ndarray
     there: np.ndarray
+
+    @property
+    def hosts(self) -> Hosts:
+        """The triangles of the points that are there."""
+        return Hosts(self.corners[self.there], self.corner_normals[self.there])
 
 
 @dataclass(frozen=True)
@@ -231,7 +242,7 @@ def middles(surfaces: list[Surface], probes: Probes, squares: Footprints, lit: n
     for index in np.flatnonzero(lit.any(axis=1)):
         mean = squares.points[index, lit[index]].mean(axis=0, keepdims=True)
         surface = whole(surfaces, probes.object[index])
-        place, _, _, found = dropped(mean, probes.normal[index], surface, NEAR_SURFACE * edge)
+        place, *_, found = dropped(mean, probes.normal[index], surface, NEAR_SURFACE * edge)
         if found[0]:
             middle[index] = place[0]
     return middle
@@ -244,17 +255,17 @@ def whole(surfaces: list[Surface], name: str) -> Surface:
     return Surface(name, corners, np.concatenate([surface.corner_normals for surface in own]))
 
 
-def dropped(
-    points: np.ndarray, normal: np.ndarray, surface: Surface, reach: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def dropped(points: np.ndarray, normal: np.ndarray, surface: Surface, reach: float) -> tuple[np.ndarray, ...]:
     """Points (P, 3) moved along a normal (3,) onto the nearest triangle of a surface within `reach`, m.
 
     Returns:
-        points (P, 3), unit normals and unit shading normals there (P, 3), and which met a triangle (P,)
+        points (P, 3), unit normals and unit shading normals there (P, 3), corners and corner normals (P, 3, 3) of the
+        triangles there, and which met one (P,)
     """
     alike = np.flatnonzero(surface.flat_normals @ normal > SAME_SIDE)
     if not len(alike):
-        return points, np.zeros_like(points), np.zeros_like(points), np.zeros(len(points), bool)
+        none = np.zeros_like(points)
+        return points, none, none, *np.zeros((2, len(points), 3, 3)), np.zeros(len(points), bool)
     corners, normals = surface.corners[alike], surface.corner_normals[alike]
     start, edge_u, edge_v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(edge_u, edge_v)
@@ -272,7 +283,8 @@ def dropped(
     moved = start[best] + u * edge_u[best] + v * edge_v[best]
     shading = (1 - u - v) * normals[best, 0] + u * normals[best, 1] + v * normals[best, 2]
     shading /= np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-9)
-    return np.where(there[:, None], moved, points), surface.flat_normals[alike[best]], shading, there
+    place = np.where(there[:, None], moved, points)
+    return place, surface.flat_normals[alike[best]], shading, corners[best], normals[best], there
 
 
 def probe_mesh(probes: Probes, size: float, shading: np.ndarray | None = None) -> Any:
@@ -304,21 +316,19 @@ def probe_mesh(probes: Probes, size: float, shading: np.ndarray | None = None) -
         mesh.normals_split_custom_set(np.repeat(shading, 3, axis=0).tolist())
 
     image = bpy.data.images.new("Probes", width, width, alpha=False, float_buffer=True, is_data=True)
-    material = bpy.data.materials.new("Probes")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    white = nodes.new("ShaderNodeBsdfDiffuse")
-    white.inputs["Color"].default_value = (1, 1, 1, 1)
-    target = nodes.new("ShaderNodeTexImage")
-    target.image = image
-    nodes.active = target
-    output = nodes.new("ShaderNodeOutputMaterial")
-    material.node_tree.links.new(white.outputs[0], output.inputs["Surface"])
-    mesh.materials.append(material)
+    return white_object(mesh, image), image
 
-    made = bpy.data.objects.new("Probes", mesh)
+
+def white_object(mesh: Any, image: Any) -> Any:
+    """A mesh in the open scene, selected, that no light meets, to be baked into an image.
+
+    The faces of its first material are white; those of the second, if it has any, black.
+    """
+    import bpy
+
+    for shader, color in (("ShaderNodeBsdfDiffuse", (1, 1, 1, 1)), ("ShaderNodeEmission", (0, 0, 0, 1))):
+        mesh.materials.append(baked_material(shader, color, image))
+    made = bpy.data.objects.new(mesh.name, mesh)
     # Camera rays, which a bake has none of, may see it: what no ray sees does not reach Cycles at all.
     for ray in ("diffuse", "glossy", "transmission", "shadow", "volume_scatter"):
         setattr(made, f"visible_{ray}", False)
@@ -327,18 +337,30 @@ def probe_mesh(probes: Probes, size: float, shading: np.ndarray | None = None) -
     for each in bpy.context.view_layer.objects:
         each.select_set(each == made)
     bpy.context.view_layer.objects.active = made
-    return made, image
+    return made
+
+
+def baked_material(shader: str, color: tuple[float, float, float, float], image: Any) -> Any:
+    """A material of one shader node that bakes into an image."""
+    import bpy
+
+    material = bpy.data.materials.new("Probes")
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    node = nodes.new(shader)
+    node.inputs["Color"].default_value = color
+    target = nodes.new("ShaderNodeTexImage")
+    target.image = image
+    nodes.active = target
+    output = nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(node.outputs[0], output.inputs["Surface"])
+    return material
 
 
 def judge(scene: Any, samples: int, seed: int, threads: int) -> None:
-    """Set the scene's Cycles to `samples` unbiased samples: all bounces, nothing clamped or left out.
-
-    Shadow rays start at the surface. By default Cycles lifts those that graze triangles with smooth normals towards a
-    rounder surface; in folded cloth more light then bounces than arrives (a third more, in a curtain of the interior),
-    and the probes, whose triangles are flat, would not have it.
-    """
-    for each in scene.objects:
-        each.shadow_terminator_geometry_offset = 0.0
+    """Set the scene's Cycles to `samples` unbiased samples: all bounces, nothing clamped or left out."""
     scene.render.engine = "CYCLES"
     scene.render.threads_mode, scene.render.threads = "FIXED", threads
     cycles = scene.cycles
@@ -354,17 +376,38 @@ def judge(scene: Any, samples: int, seed: int, threads: int) -> None:
 
 
 def measure(
-    probes: Probes, size: float, samples: int, seeds: list[int], threads: int = 1, shading: np.ndarray | None = None
+    probes: Probes,
+    size: float,
+    samples: int,
+    seeds: list[int],
+    threads: int = 1,
+    shading: np.ndarray | None = None,
+    hosts: Hosts | None = None,
+    edge: float = 0.0,
 ) -> tuple[Any, list[float]]:
     """Irradiance / pi at each point in the open scene: (K, N, 3) for K seeds, and the seconds each took.
 
     Args:
         size, shading: as for `probe_mesh`
+        hosts: the triangles that the points lie on; at those that are round, they are measured on copies of them
+        edge: of the piece of such a triangle that stands for a point, m
     """
     import bpy
 
     scene = bpy.context.scene
-    made, image = probe_mesh(probes, size, shading)
+    curved = np.zeros(len(probes.position), bool) if hosts is None else hosts.round(edge)
+    flat = Probes(probes.object[~curved], probes.position[~curved], probes.normal[~curved])
+    targets = []
+    if len(flat.position):
+        own = np.flatnonzero(~curved)
+        targets.append((*probe_mesh(flat, size, None if shading is None else shading[own]), own, np.arange(len(own))))
+    if hosts is not None and curved.any():
+        own = np.flatnonzero(curved)
+        laid = strip(hosts.only(own), probes.position[own], edge)
+        mesh, image = host_mesh(hosts.only(own), laid, size * LIFT_SHARE)
+        targets.append((white_object(mesh, image), image, own, laid.row))
+    for made, *_ in targets:
+        made.select_set(True)
     values, seconds = [], []
     for seed in seeds:
         judge(scene, samples, seed, threads)
@@ -373,10 +416,14 @@ def measure(
             type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, target="IMAGE_TEXTURES", margin=0, use_clear=True
         )
         seconds.append(time.perf_counter() - start)
-        pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
-        image.pixels.foreach_get(pixels)
-        values.append(pixels.reshape(-1, 4)[: len(probes.position), :3].astype(np.float64))
-    bpy.data.objects.remove(made)
+        value = np.empty((len(probes.position), 3))
+        for _, image, own, pixel in targets:
+            pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+            image.pixels.foreach_get(pixels)
+            value[own] = pixels.reshape(-1, 4)[pixel, :3]
+        values.append(value)
+    for made, *_ in targets:
+        bpy.data.objects.remove(made)
     return np.array(values), seconds
 
 
@@ -411,7 +458,8 @@ def make_references(
     there = squares.there
     name = np.repeat(probes.object[:, None], POINTS, axis=1)
     flat = Probes(name[there], squares.points[there], squares.normals[there])
-    measured, seconds = measure(flat, extent(surfaces), samples, seeds, shading=squares.shading[there])
+    shading, edge = squares.shading[there], footprint / math.sqrt(POINTS)
+    measured, seconds = measure(flat, extent(surfaces), samples, seeds, 1, shading, squares.hosts, edge)
     values = np.zeros((len(seeds), *squares.points.shape))
     values[:, there] = measured
     luminance = values.mean(axis=0) @ LUMINANCE

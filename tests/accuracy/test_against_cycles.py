@@ -69,7 +69,8 @@ MISSED = {
     (
         "interior",
         "medium",
-    ): "RMS 5.8 %, bias 0.9 %: bounces within the folds of its curtains, and the gather beside small sunlit places",
+    ): "RMS 6.9 %, bias 1.0 %: bounces within the folds of its curtains, one place most of all, and the gather beside "
+    "small sunlit places",
 }
 """Scenes that do not keep the limits yet, and why: the table shows by how much. Those that miss them at medium quality
 already are not baked at high quality, to save time."""

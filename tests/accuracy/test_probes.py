@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="Cycles is part of bpy, which is not installed")
 import bpy
+from mathutils import Vector
 
 from tests.accuracy import probes
 
@@ -91,6 +92,29 @@ def test_points_of_a_smooth_surface_have_its_shading_normals() -> None:
     roof = probes.Probes(np.array(["Floor"]), np.array([[0.0, 0.0, 1.0]]), normal)
     values, _ = probes.measure(roof, 10.0, SAMPLES, [1], shading=np.array([[0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(values[0, 0], 3.0 / math.pi, rtol=2e-3)
+
+
+def test_points_of_a_coarse_ball_are_lit_up_to_its_terminator() -> None:
+    """Where light comes from below a facet, but not from below what its normals tell of: small flat points are dark."""
+    bpy.data.objects.remove(bpy.data.objects["Floor"])
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8, radius=1)
+    bpy.ops.object.shade_smooth()
+    lamp("SUN", energy=math.pi, angle=0.0)
+    towards = np.array([0.8, 0.36, 0.48])
+    bpy.data.objects["Lamp"].rotation_euler = Vector(towards).to_track_quat("Z", "Y").to_euler()
+    surfaces = [surface for surface in probes.rendered_surfaces() if surface.name == "Sphere"]
+    place = probes.place(surfaces, 400)
+    squares = probes.footprints(surfaces, place, 0.02)
+    there = squares.there
+    grazed = (squares.normals[there] @ towards < 0) & (squares.shading[there] @ towards > 0.01)
+    hosts, normals = squares.hosts.only(grazed), squares.normals[there][grazed]
+    points = probes.Probes(np.repeat("Sphere", len(normals)), squares.points[there][grazed], normals)
+    shading = squares.shading[there][grazed]
+    assert len(shading) > 20
+    values, _ = probes.measure(points, 1.0, 16, [1], 1, shading, hosts, 0.02)
+    np.testing.assert_allclose(values[0, :, 0], shading @ towards, atol=0.01)
+    flat, _ = probes.measure(points, 1.0, 16, [1], 1, shading)
+    assert np.mean(flat > 0) < 0.15
 
 
 def test_a_footprint_is_clipped_to_its_surface() -> None:

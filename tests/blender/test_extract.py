@@ -217,6 +217,16 @@ def test_ray_visibility_is_followed_and_what_a_bake_can_not_show_is_said():
     assert [text.split()[0] for text in said] == ["catcher", "hole"]
 
 
+def test_objects_keep_the_terminator_offset_that_they_are_set_to():
+    add_mesh("as it comes")
+    add_mesh("off").shadow_terminator_geometry_offset = 0.0
+    add_mesh("shaded").shadow_terminator_shading_offset = 0.2
+    extraction = extract()
+    found = {mesh.name: round(mesh.terminator, 6) for mesh in extraction.scene.meshes}
+    assert found == {"as it comes": 0.1, "off": 0.0, "shaded": 0.1}
+    assert "shaded: of its Shadow Terminator the Shading Offset is not baked" in extraction.scene.warnings
+
+
 def test_only_the_chosen_objects_get_lightmaps_and_the_others_still_take_part():
     add_mesh("a")
     add_mesh("b")

@@ -265,6 +265,7 @@ class Reading:
                     shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
                     two_sided=two_sided,
                     page_group=page_group,
+                    terminator=thing.shadow_terminator_geometry_offset,
                     met=thing.visible_diffuse and maker.visible_diffuse,
                     casts=thing.visible_shadow and maker.visible_shadow,
                 ),
@@ -287,6 +288,8 @@ class Reading:
         for name, what in (("is_shadow_catcher", "a shadow catcher"), ("is_holdout", "a holdout")):
             if getattr(thing, name):
                 self.notes.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
+        if thing.shadow_terminator_shading_offset > 0:
+            self.notes.warn(f"{thing.name}: of its Shadow Terminator the Shading Offset is not baked")
 
     def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
         name = item.object.name

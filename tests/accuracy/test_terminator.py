@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light where it grazes coarse smooth-shaded surfaces, against Cycles' own bake of them onto the same page.
+
+A ball and a folded sheet of few facets stand with several values of Shadow Terminator > Geometry Offset between a low
+sun and an area lamp.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy", reason="Cycles is part of bpy, which is not installed")
+import bpy
+
+from radiosity_addon.bake import Baked, bake
+from radiosity_addon.blender.reading.cycles_shader import CyclesShader
+from radiosity_addon.blender.reading.extract import extract_scene
+from radiosity_addon.chunks import finish
+from radiosity_addon.scene import Scene
+from radiosity_addon.settings import BakeSettings
+from tests.accuracy.probes import baked_material, judge
+
+PAGE = 192
+SAMPLES = 48
+OFFSETS = (0.1, 0.5)
+"""Cycles' default, and one that reaches farther."""
+
+
+def stand(name: str, mesh: bpy.types.Mesh, place: tuple[float, float, float], offset: float) -> None:
+    thing = bpy.data.objects.new(name, mesh)
+    thing.location = place
+    thing.shadow_terminator_geometry_offset = offset
+    bpy.context.scene.collection.objects.link(thing)
+
+
+def sheet() -> bpy.types.Mesh:
+    """A sheet of three folds, eight facets each."""
+    across = np.linspace(-1, 1, 25)
+    points = [(x, y, 0.25 * math.cos(3 * math.pi * x)) for x in across for y in (-0.6, 0.0, 0.6)]
+    faces = [(3 * i + j, 3 * i + 3 + j, 3 * i + 4 + j, 3 * i + 1 + j) for i in range(24) for j in range(2)]
+    mesh = bpy.data.meshes.new("Sheet")
+    mesh.from_pydata(points, [], faces, shade_flat=False)
+    return mesh
+
+
+@pytest.fixture(scope="module")
+def lit() -> tuple[Baked, Baked, np.ndarray]:
+    """Our bake, one that knows of no offsets, and what Cycles says: (PAGE, PAGE), -1 where there is no texel."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):
+        scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    for row, offset in enumerate(OFFSETS):
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8)
+        ball = bpy.context.object
+        bpy.ops.object.shade_smooth()
+        stand("Ball", ball.data.copy(), (0.0, 4.0 * row, 0.0), offset)
+        bpy.data.objects.remove(ball)
+        stand("Sheet", sheet(), (0.0, 2.0 + 4.0 * row, 0.0), offset)
+    for kind, strength, place, turn in (
+        ("SUN", 3.0, (0.0, 0.0, 0.0), (0.3, math.radians(-65), 0.0)),
+        ("AREA", 900.0, (6.0, 3.0, 2.0), (0.0, math.radians(72), 0.0)),
+    ):
+        lamp = bpy.data.objects.new(kind, bpy.data.lights.new(kind, kind))
+        lamp.data.energy, lamp.location, lamp.rotation_euler = strength, place, turn
+        scene.collection.objects.link(lamp)
+    bpy.data.lights["SUN"].angle = 0.02
+    extraction = extract_scene(scene)
+    settings = BakeSettings(page_size=PAGE, quality="medium", bounces=0)
+    found = extraction.scene
+    flat = replace(found, meshes=tuple(replace(mesh, terminator=0.0) for mesh in found.meshes))
+    bakes = [finish(bake(each, settings, CyclesShader(scene, extraction))) for each in (found, flat)]
+    return bakes[0], bakes[1], by_cycles(bakes[0], found)
+
+
+def by_cycles(baked: Baked, found: Scene) -> np.ndarray:
+    """Cycles' direct light / pi on the texels of a bake, (PAGE, PAGE), -1 where it has none."""
+    image = bpy.data.images.new("Page", PAGE, PAGE, alpha=False, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.full(4 * PAGE * PAGE, -1, np.float32))
+    white = baked_material("ShaderNodeBsdfDiffuse", (1, 1, 1, 1), image)
+    things = [bpy.data.objects[mesh.name] for mesh in found.meshes]
+    for thing, mesh, uv in zip(things, found.meshes, baked.atlas.uv, strict=True):
+        corner_uv = np.zeros((len(thing.data.loops), 2), np.float32)
+        corner_uv[mesh.corner] = uv
+        thing.data.uv_layers.active = thing.data.uv_layers.new(name="Page")
+        thing.data.uv_layers.active.data.foreach_set("uv", corner_uv.ravel())
+        thing.data.materials.clear()
+        thing.data.materials.append(white)
+    judge(bpy.context.scene, SAMPLES, 1, 1)
+    for thing in bpy.context.scene.objects:
+        thing.select_set(thing in things)
+    bpy.context.view_layer.objects.active = things[0]
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, target="IMAGE_TEXTURES", margin=0, use_clear=False)
+    pixels = np.empty(4 * PAGE * PAGE, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(PAGE, PAGE, 4)[:, :, 0]
+
+
+def test_light_that_grazes_smooth_surfaces_is_as_in_cycles_own_bake(lit: tuple[Baked, Baked, np.ndarray]) -> None:
+    """At texels within charts: at their edges Cycles' samples stay on this side."""
+    found, without, reference = lit[0].pages[0][:, :, 0], lit[1].pages[0][:, :, 0], lit[2]
+    within = reference >= 0
+    for axis in (0, 1):
+        within &= np.roll(within, 1, axis) & np.roll(within, -1, axis)
+    mean = reference[within].mean()
+    error, more = (found - reference) / mean, (found - without) / mean
+    assert abs(error[within].mean()) < 0.002
+    grazed = within & (np.abs(more) > 0.02)
+    assert grazed.sum() > 500
+    assert abs(error[grazed].mean()) < 0.15 * more[grazed].mean()
+    assert np.sqrt(np.mean(error[grazed] ** 2)) < 0.3 * np.sqrt(np.mean(more[grazed] ** 2))
