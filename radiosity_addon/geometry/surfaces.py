@@ -18,6 +18,12 @@ OFFSET_SHARE = 2e-6
 FLAT = 1e-4
 """Corner normals this near the geometric one are it: light can't tell, and one cosine less has to be found."""
 
+PLANES_APART = 2e-5
+"""Planes this share of the scene's radius apart are two."""
+
+TURNED = 1 << 12
+"""Normals whose components, times this, round to different numbers are of two planes."""
+
 BLOCK = 1 << 14
 """Points are interpolated in blocks of so many, whose temporaries (64 KB each) stay in cache."""
 
@@ -72,6 +78,16 @@ class Surfaces:
     @property
     def count(self) -> int:
         return len(self.area)
+
+    @cached_property
+    def plane(self) -> Int64:
+        """(F,) int64, a number for each plane that triangles lie on, or for two where rounding parts them."""
+        height = np.einsum("ij,ij->i", self.corners[:, 0], self.normal, dtype=np.float64)
+        key = np.round(height / (PLANES_APART * max(self.radius, 1e-30))).astype(np.int64)
+        for k in range(3):
+            key = key * (4 * TURNED) + np.round(self.normal[:, k] * TURNED).astype(np.int64)
+        plane: Int64 = np.unique(key, return_inverse=True)[1].reshape(-1)
+        return plane
 
     @cached_property
     def fronts(self) -> int:

@@ -1,355 +1,330 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Emissive meshes of many triangles: a tree whose far branches shine as points and whose near leaves as polygons."""
+"""A tree over the triangles of an emitter: from afar a branch shines as four points, with its moments.
+
+In the manner of lightcuts (Walter et al. 2005, "Lightcuts: A Scalable Approach to Illumination"), but what stands for a
+branch has its mean place, its spread along two axes, and the projected area that each direction sees, so that few
+branches do for an emitter, and nothing is left to chance.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int64
-from .area_lamps import PanelLamp
-from .far_field import FarField
-from .lamp_samples import dot, normals_of, outside, rows_of
-from .lamps import TOUCHING
-from .polygons import signed_light
 
-POINT = 5.0
-"""A branch is a point from this many of its radii on: with the second-order term of a disc, right to half a percent."""
+REACH = 4.0
+"""A branch is four points from this many of its radii on: a flat one is then right to 0.1 %, 0.7 % where it grazes."""
 
-FAR = 5.0
-"""Receivers so many radii of an emitter away look its light up in a table."""
+CUT_REACH = 5.0
+"""The same where a receiver's horizon may pass between its points."""
 
-TABULATED = 256
-"""Nodes that make the table, at least, if there are so many: a table can afford finer ones than each receiver can."""
+SPREAD = 0.004
+"""From how far on do points stand for light that is spread otherwise than they are? Relative to its distance squared
+the second moments then differ by so much."""
 
-LOOK_UP = 1 << 14
-"""Receivers looked up in one go."""
+FAINT = 0.1
+"""Channels of less than this share of the light that all have on average may be spread as they like."""
 
-COHERENT = 0.97
-"""Least length of a branch's summed normals over its area: a cone of 20 degrees. Wider ones are split."""
+FLAT = 1e-4
+"""A branch is flat if its mean normal is shorter than 1 by less than this."""
 
-BLOCK = 256
-"""Receivers, near each other, that share a cut through the tree."""
+MISSED = 0.006
+"""Branches whose projected area, as a share of all of it, is missed by more in some direction are no points."""
 
-PAIRS = 1 << 14
-"""Pairs of receivers and triangles treated in one go."""
+BENT = 0.003
+"""From how far on do points stand for a branch that bulges, or shows more of itself here than there? The first-order
+term of its light over the distance, which they don't have, is then such a share of its area."""
+
+DIRECTIONS = 16
+"""Directions, and their opposites, in which branches are looked at."""
+
+PARTS = 4
+"""Points that stand for a branch."""
+
+TRIANGLE_POINTS = np.array([0.4, 0.4, 0.4, 0.0])[:, None, None]
+TRIANGLE_WEIGHTS = np.array([25, 25, 25, -27]) / 48
+"""Those of a leaf, from its middle towards the corners: right for cubic functions (Strang and Fix 1973)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """K blocks of receivers, near each other.
+
+    Attributes:
+        centre: (K, 3) float32, m, of a ball about them
+        radius: (K,) float32, m
+        normal: (K, 3) float32, their mean normal
+        turn: (K,) float32, how far their normals are from it, at most
+        rise: (K,) float32, m, how far off the plane through the centre they lie
+    """
+
+    centre: Float32
+    radius: Float32
+    normal: Float32
+    turn: Float32
+    rise: Float32
+
+    @classmethod
+    def of(cls, points: Float32, normals: list[Float32]) -> Blocks:
+        """Those of receivers (3, K, B) with normals (3, K, B), shading and, if there, geometric ones."""
+        centre, normal = points.mean(2), normals[0].mean(2)
+        gap = points - centre[:, :, None]
+        radius = np.sqrt(np.einsum("kij,kij->ij", gap, gap).max(1))
+        turn = np.zeros_like(radius)
+        for own in normals:
+            off = own - normal[:, :, None]
+            np.maximum(turn, np.sqrt(np.einsum("kij,kij->ij", off, off).max(1)), out=turn)
+        rise = np.abs(np.einsum("kij,ki->ij", gap, normal)).max(1)
+        return cls(np.ascontiguousarray(centre.T), radius, np.ascontiguousarray(normal.T), turn, rise)
 
 
 @dataclass(frozen=True, eq=False)
 class EmitterTree:
     """A binary tree over triangles, halved across the longest extent; its leaves are the triangles.
 
-    Node 1 is the root, nodes 2 k and 2 k + 1 are the halves of node k, leaves are the last nodes.
+    Node 1 is the root, nodes 2 k and 2 k + 1 are the halves of node k, leaves are the last nodes. In direction w a
+    node's front has the projected area (vector . w + sqrt(w . square w)) / 2, both faces have the root alone: that of
+    flat pieces, of ellipsoids, and of tubes. C channels of light share the points, each with its own weights.
 
     Attributes:
         corners: (leaves, 3, 3) float32, m; empty leaves are zero
-        centre: (N, 3) float32, m, area-weighted
-        radius: (N,) float32, m
-        normal: (N, 3) float32, unit, mean
-        area: (N,) float32, m2
-        projected: (N,) float32, m2, the area seen along the mean normal
-        spread: (N,) float32, half width of the even spread of cosines that has the variance of the normals, along
-            the direction square to `normal` in which they vary least
-        turn: (N, 3) float32, the direction in which they vary most, as long as adds to `spread`, squared, what it has
-            there; a tube's normals turn about its axis only
-        coherent: (N,) bool, all faces look nearly one way
-        brightness: (N,) float32, mean radiance as a share of the emitter's, or None where all shine alike
+        brightness: (C, leaves) float32, radiance as a share of the emitter's
+        centre: (N, 3) float32, m, mean place of the light
+        radius: (N,) float32, m, of a ball about it
+        reach: (N,) float32, m, distance from which on points stand for the node; infinite where they never do
+        points: (PARTS, 3, N) float32, m, with the mean and the largest second moments of where the light is
+        weights: (C, PARTS, N) float32, m2, of them in each channel: its area times brightness, at its own mean place
+        vector: (3, N) float32, mean normal
+        square: (6, N) float32: xx, yy, zz, 2 xy, 2 yz, 2 zx
+        flat: (N,) bool
+        axis: (N, 3) float32, unit, the normal of flat nodes; 0 for others
+        filled: (N,) bool, there are triangles in it
         leaves: number of the first leaf
     """
 
     corners: Float32
+    brightness: Float32
     centre: Float32
     radius: Float32
-    normal: Float32
-    area: Float32
-    projected: Float32
-    spread: Float32
-    turn: Float32
-    coherent: Bools
-    brightness: Float32 | None
+    reach: Float32
+    points: Float32
+    weights: Float32
+    vector: Float32
+    square: Float32
+    flat: Bools
+    axis: Float32
+    filled: Bools
     leaves: int
 
     @classmethod
     def over(cls, triangles: Float64, brightness: Float64 | None = None) -> EmitterTree:
-        """A tree over triangles (M, 3, 3) of a `brightness` (M,), shares of the mean radiance, or all alike."""
+        """A tree over triangles (M, 3, 3) of a `brightness` (M, C), shares of the mean radiance, or all alike."""
         depth = max(len(triangles) - 1, 1).bit_length()
         leaves = 1 << depth
         nodes = 2 * leaves
-        corners = np.zeros((leaves, 3, 3))
+        origin = triangles.mean((0, 1))
+        if brightness is None:
+            brightness = np.ones((len(triangles), 1))
+        corners, light = np.zeros((leaves, 3, 3)), np.zeros((leaves, brightness.shape[1]))
         place = halved(triangles.mean(1), depth)
-        corners[place] = triangles
-        light = np.ones(leaves)
-        if brightness is not None:
-            light[place] = brightness
+        corners[place] = triangles - origin
+        light[place] = brightness
+        middle = corners.mean(1)
+        spokes = corners - middle[:, None]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-        area, power, vector, moment = np.zeros(nodes), np.zeros(nodes), np.zeros((nodes, 3)), np.zeros((nodes, 3))
-        square = np.zeros((nodes, 3, 3))
-        low, high = np.full((nodes, 3), np.inf), np.full((nodes, 3), -np.inf)
-        own = slice(leaves, nodes)
-        area[own], vector[own] = np.linalg.norm(cross, axis=1), cross
-        power[own] = area[own] * light
-        moment[own] = corners.mean(1) * power[own, None]
-        square[own] = cross[:, :, None] * cross[:, None] / np.maximum(area[own], 1e-300)[:, None, None]
-        full = area[own, None] > 0
-        low[own], high[own] = np.where(full, corners.min(1), np.inf), np.where(full, corners.max(1), -np.inf)
-        level = leaves // 2
-        while level:
-            node = slice(level, 2 * level)
-            left, right = slice(2 * level, 4 * level, 2), slice(2 * level + 1, 4 * level, 2)
-            for total in (area, power, vector, moment, square):
-                total[node] = total[left] + total[right]
-            low[node], high[node] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
-            level //= 2
-        filled = area > 0
-        centre = moment / np.where(filled, power, 1)[:, None]
-        length = np.linalg.norm(vector, axis=1)
-        share = np.minimum(length / np.where(filled, area, 1), 1)
-        normal = vector / np.maximum(length, 1e-300)[:, None]
-        scale = np.where(filled, area, 1) * np.maximum(share, COHERENT) ** 2  # others are never points
-        spread, turn = _cone(normal, square / scale[:, None, None])
-        reach = np.where(filled[:, None], np.maximum(high - centre, centre - low), 0)
+        area = np.linalg.norm(cross, axis=1)
+        normal = cross / np.maximum(area, 1e-300)[:, None]
+        powers = area[:, None] * light
+        power = powers.sum(1)
+        second = np.einsum("nci,ncj->nij", spokes, spokes) / 12 + middle[:, :, None] * middle[:, None]
+        each, moment, moments, vector, square, shown = (
+            _combined(np.add, own, nodes)
+            for own in (
+                powers,
+                powers[:, :, None] * middle[:, None],
+                powers[:, :, None, None] * second[:, None],
+                normal * power[:, None],
+                normal[:, :, None] * normal[:, None] * power[:, None, None],
+                np.abs(normal @ _directions()).mean(1) * power,
+            )
+        )
+        total = each.sum(1)
+        filled = total > 0
+        weight = np.where(filled, total, 1)
+        centre = moment.sum(1) / weight[:, None]
+        off = moment - each[:, :, None] * centre[:, None]
+        moments -= off[:, :, :, None] * centre[:, None, None] + centre[:, None, :, None] * moment[:, :, None]
+        points, weights = _four_points(moments.sum(1) / weight[:, None, None], each, off)
+        other = moments - np.einsum("cpn,pni,pnj->ncij", weights, points, points)
+        other = np.linalg.norm(other, axis=(2, 3)) / np.maximum(each, FAINT * weight[:, None] / each.shape[1])
+        points += centre
+        points[:, leaves:] = middle + TRIANGLE_POINTS * np.concatenate([spokes.transpose(1, 0, 2), middle[None]])
+        weights[:, :, leaves:] = powers.T[:, None] * TRIANGLE_WEIGHTS[:, None]
+        vector, square = vector / weight[:, None], square / weight[:, None, None]
+        square *= _even(square, shown / weight)[:, None, None]
+        misses, bend = _misses(normal, middle, power, vector, square, centre, weight)
+        share = np.linalg.norm(vector, axis=1)
+        flat = share > 1 - FLAT
+        axis = np.where(flat[:, None], vector / np.where(flat, share, 1)[:, None], 0)
+        full = area[:, None] > 0
+        low = _combined(np.minimum, np.where(full, corners.min(1), np.inf), nodes)
+        high = _combined(np.maximum, np.where(full, corners.max(1), -np.inf), nodes)
+        radius = np.linalg.norm(np.where(filled[:, None], np.maximum(high - centre, centre - low), 0), axis=1)
+        reach = np.maximum(REACH * np.maximum(radius, 1e-30), np.sqrt(other.max(1) / SPREAD))
+        np.maximum(reach, np.where(flat, 0, bend / BENT), out=reach)
+        reach[~flat & (misses > MISSED)] = np.inf
+        reach[leaves:] = REACH * radius[leaves:]
+        i, j = [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]
         return cls(
-            corners=corners.astype(np.float32),
-            centre=centre.astype(np.float32),
-            radius=np.linalg.norm(reach, axis=1).astype(np.float32),
-            normal=normal.astype(np.float32),
-            area=area.astype(np.float32),
-            projected=length.astype(np.float32),
-            spread=spread.astype(np.float32),
-            turn=turn.astype(np.float32),
-            coherent=filled & (share > COHERENT),
-            brightness=None if brightness is None else (power / np.where(filled, area, 1)).astype(np.float32),
+            corners=(corners + np.where(full, origin, 0)[:, None]).astype(np.float32),
+            brightness=np.ascontiguousarray(light.T, np.float32),
+            centre=(centre + origin).astype(np.float32),
+            radius=radius.astype(np.float32),
+            reach=np.where(filled, reach, 0).astype(np.float32),
+            points=np.ascontiguousarray((points + origin).transpose(0, 2, 1), np.float32),
+            weights=weights.astype(np.float32),
+            vector=np.ascontiguousarray(vector.T, np.float32),
+            square=np.ascontiguousarray((square[:, i, j] * [1, 1, 1, 2, 2, 2]).T, np.float32),
+            flat=flat,
+            axis=axis.astype(np.float32),
+            filled=filled,
             leaves=leaves,
         )
 
-    def cut(self, centre: Float32, radius: Float32) -> tuple[Int64, Int64]:
-        """For each ball of receivers (K, 3), (K,) the nodes that stand for the emitter: pairs of ball and node.
+    def cut(self, blocks: Blocks) -> tuple[Int64, Int64, Bools]:
+        """For each block the nodes that stand for what of the emitter is above its horizon.
 
-        A leaf that is still too near to be a point stays in; `is_point` tells.
+        Returns:
+            pairs of block and node, by block, and which nodes are to be taken as points; the others are near leaves
         """
+        block = np.arange(len(blocks.centre), dtype=np.int64)
+        node = np.ones_like(block)
+        found = []
+        while len(block):
+            gap = self.centre[node] - blocks.centre[block]
+            distance = np.sqrt(np.einsum("ij,ij->i", gap, gap))
+            height = np.einsum("ij,ij->i", gap, blocks.normal[block])
+            radius = self.radius[node]
+            slack = self.extent(node, blocks.normal[block])
+            slack += blocks.rise[block] + blocks.turn[block] * (distance + radius)
+            reach = self.reach[node]
+            cut = np.abs(height) < slack
+            reach = np.where(cut, np.maximum(reach, radius * np.float32(CUT_REACH)), reach)
+            far = distance - blocks.radius[block] > reach
+            seen = (height >= -slack) & self.filled[node]
+            done = seen & (far | (node >= self.leaves))
+            found.append((block[done], node[done], far[done]))
+            block, node = np.repeat(block[seen & ~done], 2), _halves(node[seen & ~done])
+        block, node, far = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        order = np.argsort(block, kind="stable")
+        return block[order], node[order], far[order]
+
+    def extent(self, node: Int64, normal: Float32) -> Float32:
+        """How far nodes (K,) may reach, m, along normals (K, 3) from their centres."""
+        cosine = np.einsum("ij,ij->i", self.axis[node], normal)
+        reach: Float32 = self.radius[node] * np.sqrt(np.maximum(1 - cosine * cosine, np.float32(1e-6)))
+        return reach
+
+    def is_clear_of(self, centre: Float32, radius: Float32) -> Bools:
+        """Whether no triangle, as a ball about it, reaches into balls (K, 3), (K,)."""
+        clear = np.ones(len(centre), bool)
         ball = np.arange(len(centre), dtype=np.int64)
         node = np.ones_like(ball)
-        balls, nodes = [], []
         while len(ball):
-            done = self.is_point(centre[ball], radius[ball], node) & self.coherent[node]
-            done |= node >= self.leaves
-            balls.append(ball[done])
-            nodes.append(node[done])
-            ball, node = np.repeat(ball[~done], 2), self._halves(node[~done])
-            kept = self.area[node] > 0
-            ball, node = ball[kept], node[kept]
-        joined: Int64 = np.concatenate(balls)
-        order = np.argsort(joined, kind="stable")
-        return joined[order], np.concatenate(nodes)[order]
-
-    def far_nodes(self, first: int = 1) -> Int64:
-        """The nodes, from number `first` on, that stand for the emitter for all receivers from `FAR` radii on."""
-        first = min(first, self.leaves)
-        node = np.ones(1, np.int64)
-        nodes = []
-        while len(node):
-            gap = self.centre[node] - self.centre[1]
-            distance = np.float32(FAR) * self.radius[1] - np.sqrt(np.einsum("ij,ij->i", gap, gap))
-            done = (distance > np.float32(POINT) * self.radius[node]) & self.coherent[node] & (node >= first)
-            done |= node >= self.leaves
-            nodes.append(node[done])
-            node = self._halves(node[~done])
-            node = node[self.area[node] > 0]
-        return np.concatenate(nodes)
-
-    def is_point(self, centre: Float32, radius: Float32, node: Int64) -> Bools:
-        """Whether nodes are far enough from balls of receivers to be points."""
-        gap = self.centre[node] - centre
-        distance = np.sqrt(np.einsum("ij,ij->i", gap, gap)) - radius
-        far: Bools = distance > np.float32(POINT) * self.radius[node]
-        return far
-
-    @staticmethod
-    def _halves(node: Int64) -> Int64:
-        halves: Int64 = (2 * node[:, None] + np.arange(2)).reshape(-1)
-        return halves
+            gap = self.centre[node] - centre[ball]
+            reached = np.sqrt(np.einsum("ij,ij->i", gap, gap)) < radius[ball] + self.radius[node]
+            reached &= self.filled[node]
+            clear[ball[reached & (node >= self.leaves)]] = False
+            reached &= clear[ball] & (node < self.leaves)
+            ball, node = np.repeat(ball[reached], 2), _halves(node[reached])
+        return clear
 
 
-@dataclass(frozen=True, eq=False)
-class MeshLamp(PanelLamp):
-    """An emissive mesh: samples as PanelLamp has them, closed forms over a tree.
-
-    Attributes:
-        tree: over the same triangles as the cells
-    """
-
-    tree: EmitterTree | None = None
-
-    @cached_property
-    def _far_nodes(self) -> Int64:
-        assert self.tree is not None
-        return self.tree.far_nodes()
-
-    @cached_property
-    def _far_field(self) -> FarField:
-        assert self.tree is not None
-        centre, radius = self.tree.centre[1], float(self.tree.radius[1])
-        nodes = self.tree.far_nodes(TABULATED)
-        return FarField.of(partial(self._vector, nodes), centre, radius, FAR)
-
-    def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
-        """As `Lamp` has it: far receivers that see the emitter as a whole look its light up, others sum over nodes."""
-        assert self.tree is not None
-        total = np.zeros(len(points), np.float32)
-        centre, radius = self.tree.centre[1], self.tree.radius[1]
-        for start in range(0, len(points), LOOK_UP):
-            part = slice(start, start + LOOK_UP)
-            p = rows_of(points[part])
-            normals = normals_of(shading[part], None if geometric is None else geometric[part])
-            away = [centre[k] - p[k] for k in range(3)]
-            height = dot(away, normals[0])
-            for normal in normals[1:]:
-                np.minimum(height, dot(away, normal), out=height)
-            far = dot(away, away) > (np.float32(FAR) * radius) ** 2
-            whole = np.flatnonzero(far & (height > radius))
-            if len(whole):
-                total[start + whole] = self._far_field.light(p[:, whole], normals[0][:, whole])
-            cut = np.flatnonzero(far & (np.abs(height) <= radius))
-            step = max(PAIRS // len(self._far_nodes), 1)
-            for first in range(0, len(cut), step):
-                some = cut[first : first + step]
-                total[start + some] = self._points(self._far_nodes, p[:, some], [rows[:, some] for rows in normals])
-            near = np.flatnonzero(~far)
-            if len(near):
-                own = start + near
-                below = None if geometric is None else geometric[own]
-                total[own] = self._over_tree(points[own], shading[own], below)
-        return total
-
-    def _over_tree(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
-        """Light at near receivers, (B,): blocks of them share their cuts through the tree."""
-        assert self.tree is not None
-        total = np.zeros(len(points), np.float32)
-        cell = halved(points, max(len(points) // BLOCK, 1).bit_length() - 1)
-        order = np.argsort(cell, kind="stable")
-        blocks = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
-        balls = [_ball(points[block]) for block in blocks]
-        centre = np.array([middle for middle, _ in balls], np.float32).reshape(-1, 3)
-        radius = np.array([reach for _, reach in balls], np.float32)
-        ball, node = self.tree.cut(centre, radius)
-        far = self.tree.is_point(centre[ball], radius[ball], node)
-        ends = np.searchsorted(ball, np.arange(len(blocks) + 1))
-        for number, block in enumerate(blocks):
-            own = slice(ends[number], ends[number + 1])
-            p = rows_of(points[block])
-            normals = normals_of(shading[block], None if geometric is None else geometric[block])
-            points_there, step = node[own][far[own]], max(PAIRS // len(block), 1)
-            for start in range(0, len(points_there), step):
-                total[block] += self._points(points_there[start : start + step], p, normals)
-            total[block] += self._near(node[own][~far[own]] - self.tree.leaves, p, normals)
-        return total
-
-    def _both(self, p: Float32) -> Bools:
-        """Which receivers p (3, B) see both sides of the faces."""
-        return np.ones(p.shape[1], bool) if self.box is None else ~outside(self.box, p)
-
-    def _points(self, nodes: Int64, p: Float32, normals: list[Float32]) -> Float32:
-        """Far nodes as points, (B,)."""
-        way, light = self._rays(nodes, p)
-        cosine = way[0] * normals[0][0] + way[1] * normals[0][1] + way[2] * normals[0][2]
-        light *= np.maximum(cosine, 0, out=cosine)
-        for other in normals[1:]:
-            light *= (way[0] * other[0] + way[1] * other[1] + way[2] * other[2]) > 0
-        total: Float32 = light.sum(0)
-        return total
-
-    def _vector(self, nodes: Int64, p: Float32) -> Float32:
-        """Light vector (3, B) of far nodes at points p (3, B)."""
-        total = np.zeros_like(p)
-        step = max(PAIRS // len(nodes), 1)
-        for start in range(0, p.shape[1], step):
-            part = slice(start, start + step)
-            way, light = self._rays(nodes, p[:, part])
-            for k in range(3):
-                total[k, part] = (way[k] * light).sum(0)
-        return total
-
-    def _rays(self, nodes: Int64, p: Float32) -> tuple[list[Float32], Float32]:
-        """Ways from points p (3, B) to nodes seen as points, and their light by way's length, (K, B) each.
-
-        A node's normals fill a cone: its light does not end where the mean normal's cosine does, it fades over the
-        cone, as that of a sphere's cap or of a strip of a tube does. Its extent is that of a disc, to second order.
-        """
-        assert self.tree is not None
-        centre, normal = self.tree.centre[nodes][:, :, None], self.tree.normal[nodes][:, :, None]
-        area, turn = self.tree.projected[nodes][:, None], self.tree.turn[nodes][:, :, None]
-        way = [centre[:, k] - p[k] for k in range(3)]
-        square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
-        np.maximum(square, TOUCHING, out=square)
-        facing = -(way[0] * normal[:, 0] + way[1] * normal[:, 1] + way[2] * normal[:, 2])
-        distance = np.sqrt(square)
-        facing /= distance
-        spread = way[0] * turn[:, 0] + way[1] * turn[:, 1] + way[2] * turn[:, 2]
-        spread /= distance
-        spread *= spread
-        spread += self.tree.spread[nodes][:, None] ** 2
-        np.sqrt(spread, out=spread)
-        both = self._both(p)
-        if both.any():
-            facing = np.where(both, np.abs(facing), facing)
-        light = np.clip(facing, -spread, spread)
-        light += spread
-        light *= light
-        light /= 4 * spread
-        np.maximum(facing, light, out=light)
-        if both.any():
-            light = np.where(both, 2 * light - facing, light)  # those of both signs
-        light *= area
-        extent = 3 * facing * facing
-        extent -= 2
-        extent *= area / np.float32(np.pi)
-        extent += square
-        extent *= distance
-        light /= extent
-        if self.tree.brightness is not None:
-            light *= self.tree.brightness[nodes][:, None]
-        return way, light
-
-    def _near(self, triangles: Int64, p: Float32, normals: list[Float32]) -> Float32:
-        """Near triangles as polygons, (B,)."""
-        assert self.tree is not None
-        receivers, both = p.shape[1], self._both(p)
-        total = np.zeros(receivers, np.float32)
-        step = max(PAIRS // receivers, 1)
-        for start in range(0, len(triangles), step):
-            part = triangles[start : start + step]
-            corners = np.repeat(self.tree.corners[part].transpose(1, 2, 0), receivers, axis=2)
-            tiled = [np.tile(rows, (1, len(part))) for rows in (p, *normals)]
-            light = signed_light(corners, tiled[0], tiled[1:]).reshape(len(part), receivers)
-            light = np.where(both, np.abs(light), np.maximum(light, 0))
-            if self.tree.brightness is not None:
-                light *= self.tree.brightness[self.tree.leaves + part][:, None]
-            total += light.sum(0)
-        return total
+def _halves(node: Int64) -> Int64:
+    halves: Int64 = (2 * node[:, None] + np.arange(2)).reshape(-1)
+    return halves
 
 
-def _cone(normal: Float64, square: Float64) -> tuple[Float64, Float64]:
-    """How unit normals spread about their mean: `EmitterTree.spread` and `turn`.
+def _combined(combine: np.ufunc, own: Float64, nodes: int) -> Float64:
+    """What leaves have (leaves, ...), combined for the branches: (nodes, ...)."""
+    found = np.zeros((nodes, *own.shape[1:]))
+    found[nodes // 2 :] = own
+    level = nodes // 4
+    while level:
+        both = found[2 * level : 4 * level]
+        found[level : 2 * level] = combine(both[0::2], both[1::2])
+        level //= 2
+    return found
 
-    An even spread of cosines of half width w has the variance w^2 / 3.
+
+def _directions() -> Float64:
+    """(3, DIRECTIONS) unit, even over half a sphere."""
+    number = np.arange(DIRECTIONS)
+    z = (number + 0.5) / DIRECTIONS
+    turn = number * (np.pi * (3 - np.sqrt(5)))
+    ways: Float64 = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z])
+    return ways
+
+
+def _even(square: Float64, shown: Float64) -> Float64:
+    """What `square` (N, 3, 3) is to be multiplied by so that areas seen are right (N,) on average over directions."""
+    ways = _directions()
+    seen = np.sqrt(np.maximum(np.einsum("nij,id,jd->nd", square, ways, ways), 0)).mean(1)
+    factor: Float64 = (shown / np.maximum(seen, 1e-300)) ** 2
+    return factor
+
+
+def _misses(
+    normal: Float64, middle: Float64, power: Float64, vector: Float64, square: Float64, centre: Float64, weight: Float64
+) -> tuple[Float64, Float64]:
+    """What points at nodes' centres miss of the light of their triangles, at most, over all directions.
+
+    From direction w and a distance d the light of faces with normals n at places x off the centre is, to first order,
+    sum A (n . w) + sum A (3 (n . w) (x . w) - n . x) / d.
 
     Args:
-        normal: (N, 3), the mean's direction
-        square: (N, 3, 3), mean of the normals' outer products over the mean's squared length
+        normal, middle, power: of the leaves, (leaves, 3), (leaves, 3), (leaves,)
+        vector, square, centre, weight: of the nodes, (N, 3), (N, 3, 3), (N, 3), (N,)
+
+    Returns:
+        of the projected area and of the first-order term, as shares of the area, (N,) and (N,) m
     """
-    across = np.eye(3) - normal[:, :, None] * normal[:, None]
-    variance, axes = np.linalg.eigh(across @ square @ across)
-    least, most = variance[:, 1], variance[:, 2]  # the first one is along the normal
-    spread = np.sqrt(np.maximum(3 * least, 1e-8))
-    return spread, axes[:, :, 2] * np.sqrt(3 * np.maximum(most - least, 0))[:, None]
+    misses, bend = np.zeros(len(weight)), np.zeros(len(weight))
+    for way in np.concatenate([_directions(), -_directions()], axis=1).T:
+        cosine = normal @ way
+        front = np.where(cosine > 0, power, 0)
+        first = 3 * cosine * (middle @ way) - np.einsum("ij,ij->i", normal, middle)
+        own = np.column_stack([front * cosine, front * first, front[:, None] * normal])
+        sums = _combined(np.add, own, len(weight)) / weight[:, None]
+        seen, facing = sums[:, 0], sums[:, 2:]
+        shown = np.sqrt(np.maximum(np.einsum("nij,i,j->n", square, way, way), 0))
+        np.maximum(misses, np.abs((vector @ way + shown) / 2 - seen), out=misses)
+        about = 3 * seen * (centre @ way) - np.einsum("ij,ij->i", facing, centre)
+        np.maximum(bend, np.abs(sums[:, 1] - about), out=bend)
+    return misses, bend
 
 
-def _ball(points: Float32) -> tuple[Float32, np.float32]:
-    """Centre and radius of a ball around points (P, 3)."""
-    middle: Float32 = points.mean(0, dtype=np.float32)
-    return middle, np.float32(np.max(np.linalg.norm(points - middle, axis=1)))
+def _four_points(spread: Float64, light: Float64, off: Float64) -> tuple[Float64, Float64]:
+    """Four points that all channels share, two on each of the longer principal axes, and their weights in each.
+
+    Args:
+        spread: (N, 3, 3) second moments of all light about its mean place
+        light: (N, C) of each channel
+        off: (N, C, 3) its first moments about the mean place of all
+
+    Returns:
+        (PARTS, N, 3) about that place, with the two largest second moments; (C, PARTS, N), with the first moments
+    """
+    moments, axes = np.linalg.eigh(spread)
+    points = np.zeros((PARTS, *light.shape[:1], 3))
+    weights = np.repeat(light.T[:, None], PARTS, axis=1) / PARTS
+    for part, k, side in ((0, 2, 1), (1, 2, -1), (2, 1, 1), (3, 1, -1)):
+        reach = np.sqrt(2 * np.maximum(moments[:, k], 0))
+        points[part] = side * reach[:, None] * axes[:, :, k]
+        weights[:, part] += side * np.einsum("nck,nk->cn", off, axes[:, :, k]) / np.where(reach > 0, 2 * reach, np.inf)
+    return points, weights
 
 
 def halved(points: Float32 | Float64, depth: int) -> Int64:

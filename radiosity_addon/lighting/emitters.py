@@ -9,8 +9,9 @@ from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..geometry.surfaces import Surfaces
 from ..scene import RGB, Material, Scene
 from .area_lamps import PanelLamp
-from .emitter_tree import EmitterTree, MeshLamp, halved
+from .emitter_tree import EmitterTree, halved
 from .glow import Glow
+from .mesh_lamp import MeshLamp
 from .polygons import Polygon, convex_polygon, parallelogram
 
 POLYGONS = 16
@@ -77,12 +78,27 @@ def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Materi
     color = radiance.mean(0) / radiance.mean()
     level = radiance.mean(1)
     if np.abs(radiance - level[:, None] * color).max() < ALIKE * level.max():
-        return [_picture(corners, level, color, box, material.group)]
-    one = np.eye(3)
-    return [_picture(corners, radiance[:, k], one[k], box, material.group) for k in range(3) if radiance[:, k].any()]
+        colors, levels = [color], level[:, None]
+    else:
+        bright = np.flatnonzero(radiance.any(0))
+        colors, levels = list(np.eye(3)[bright]), radiance[:, bright]
+    mean = np.array([_mean(corners, own) for own in levels.T])
+    tree = EmitterTree.over(corners, levels / mean)
+    return [
+        _picture(corners, own, number, color, tree, box, material.group)
+        for number, (own, color) in enumerate(zip(levels.T, colors, strict=True))
+    ]
 
 
-def _picture(corners: Float64, level: Float64, color: Float64, box: Float32 | None, group: int) -> MeshLamp:
+def _mean(corners: Float64, level: Float64) -> float:
+    """Mean radiance of those of the triangles (M, 3, 3) that shine at all, from their `level` (M,)."""
+    size = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return float((size * level).sum() / size[level > 0].sum())
+
+
+def _picture(
+    corners: Float64, level: Float64, channel: int, color: Float64, tree: EmitterTree, box: Float32 | None, group: int
+) -> MeshLamp:
     """A lamp of triangles that shine at different levels; samples fall on them by the light that they give."""
     corners, level = corners[level > 0], level[level > 0]
     place = halved(corners.mean(1), max(len(corners) - 1, 1).bit_length())
@@ -91,7 +107,7 @@ def _picture(corners: Float64, level: Float64, color: Float64, box: Float32 | No
     edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(edge_u, edge_v)
     size = np.linalg.norm(cross, axis=1)
-    mean = float((size * level).sum() / size.sum())
+    mean = _mean(corners, level)
     weight = size * level / mean
     return MeshLamp(
         strength=_rgb(color * mean),
@@ -107,7 +123,8 @@ def _picture(corners: Float64, level: Float64, color: Float64, box: Float32 | No
         box=box,
         shadow=True,
         group=group,
-        tree=EmitterTree.over(corners, level / mean),
+        tree=tree,
+        channel=channel,
     )
 
 

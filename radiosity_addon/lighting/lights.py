@@ -30,9 +30,11 @@ from .glow import Glow
 from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .many_lamps import survey
+from .mesh_lamp import MeshLamp
 from .penumbra import smooth_penumbrae
 from .shades import Bytes, Shades, pooled, shade_codes
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
+from .sparse_light import light_of_meshes
 from .terminator import Footing
 
 BATCH = 8
@@ -244,7 +246,8 @@ def _shares(
     """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives."""
     number = len(batch.lamps)
     probes = _Probes.none(number, texels.count, visibility)
-    yield from scaled(_probe(batch, texels, visibility, settings, probes), 0, 0.5)
+    yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers), 0, 0.3)
+    yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 
     def share_of(index: int, workers: int) -> Fractions[Float32]:
         if not batch.lamps[index].shadow:
@@ -304,7 +307,7 @@ class _Probes:
 def _probe(
     batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
 ) -> Fractions[list[None]]:
-    """Fill `probes`: closed forms everywhere, and a few rays from wherever a lamp could be seen."""
+    """Fill `probes`: closed forms where there is no light yet, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
     count = len(pattern)
 
@@ -318,7 +321,10 @@ def _probe(
         origins, footing = receivers.origins(texels, 0, count)
         mesh = texels.surfaces.shown_mesh(texels.triangle[ids])
         for index, lamp in enumerate(batch.lamps):
-            light = lamp.light(points, shading, horizon)
+            if isinstance(lamp, MeshLamp):
+                light = probes.light[index, ids]
+            else:
+                light = lamp.light(points, shading, horizon)
             batch.keep_to_receivers(index, light, mesh)
             probes.light[index, ids] = light
             lit = np.flatnonzero(light > 0)

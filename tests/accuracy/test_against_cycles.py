@@ -40,6 +40,7 @@ class Limits:
 
 
 LIMITS = {"medium": Limits(0.025, 0.005, 0.1), "high": Limits(0.015, 0.003, 0.05)}
+DRAFT = Limits(0.035, 0.01, 0.15)
 THROUGH_A_WINDOW = {"medium": Limits(0.05, 0.005, 0.1), "high": Limits(0.03, 0.003, 0.05)}
 LEAK = 0.2
 """Share of the mean by which a probe is off that light leaks to."""
@@ -117,6 +118,17 @@ def test_a_scene_is_as_cycles_has_it(name: str, quality: str, table: list[str], 
     assert abs(found.bias) < limits.bias, found
     assert found.percentile_99 < limits.percentile_99, found
     leaks.append(found.error)
+
+
+def test_a_draft_keeps_what_it_aims_at(table: list[str]) -> None:
+    """One scene, that of pictures and of an emissive one, tells whether fewer samples are still enough."""
+    if bpy.app.version < (5, 0):
+        pytest.skip("the core is the same: it is measured once, with Blender 5")
+    found, _ = against_cycles("studio", BakeSettings(page_size=SCENES["studio"], quality="draft"))
+    table.append(f"{'studio':14} {'draft':7} {found.row()}")
+    assert found.rms < DRAFT.rms, found
+    assert abs(found.bias) < DRAFT.bias, found
+    assert found.percentile_99 < DRAFT.percentile_99, found
 
 
 def test_hardly_any_probe_is_far_off(leaks: list[np.ndarray]) -> None:
