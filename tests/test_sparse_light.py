@@ -77,7 +77,7 @@ def test_what_a_plane_does_not_see_is_dark() -> None:
     """The top of the box is above the screen, which faces up and down."""
     texels, _ = ground(0.05)
     height = texels.position[:, 2] - texels.position[:, 2].min()
-    top = (np.abs(height - 1) < 1e-3) & (texels.normal[:, 2] > 0.5)
+    top = (np.abs(height - 1) < 1e-3) & (texels.shading_normal[:, 2] > 0.5)
     assert top.any()
     assert not sparse(0.05)[top].any()
 

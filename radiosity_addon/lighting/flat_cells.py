@@ -14,7 +14,7 @@ from ..geometry.texels import Texels
 from .lamp_samples import basis, dot, rows_of
 
 ALIKE = np.float32(1 - 1e-6)
-"""Least cosine between the normals of a texel and its plane: 1.4 mrad."""
+"""Least cosine between the shading normal of a texel and its plane's: 1.4 mrad."""
 
 CHUNK = 1 << 14
 """Texels treated in one go."""
@@ -113,8 +113,7 @@ def _planes(texels: Texels) -> Int64:
         part = slice(start, start + CHUNK)
         triangle = first[part]
         normal = surfaces.normal[triangle]
-        for facing in (texels.normal[part], texels.shading_normal[part]):
-            flat[part] &= np.einsum("ij,ij->i", facing, normal) > ALIKE
+        flat[part] &= np.einsum("ij,ij->i", texels.shading_normal[part], normal) > ALIKE
         rise = np.einsum("ij,ij->i", texels.position[part] - surfaces.corners[triangle, 0], normal)
         flat[part] &= np.abs(rise) < np.float32(PLANES_APART * surfaces.radius)
     return np.where(flat, surfaces.plane[first], -1)
