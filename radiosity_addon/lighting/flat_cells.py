@@ -71,7 +71,7 @@ class FlatCells:
         order = np.argsort(plane, kind="stable")[np.count_nonzero(plane < 0) :]
         plane = plane[order]
         first = np.flatnonzero(np.diff(plane, prepend=-1))
-        normal = texels.surfaces.normal[texels.triangle[order[first], 0]]
+        normal = texels.surfaces.normal[texels.triangle[order[first]]]
         along, across = (np.ascontiguousarray(axis.T) for axis in basis(rows_of(normal)))
         height = np.einsum("ij,ij->i", normal, texels.position[order[first]])
         place = np.empty((2, len(order)), np.float32)
@@ -107,16 +107,17 @@ class FlatCells:
 def _planes(texels: Texels) -> Int64:
     """The plane (T,) that each texel lies flat on, by its number in `Surfaces.plane`; -1 for none."""
     surfaces = texels.surfaces
-    first = texels.triangle[:, 0]
-    flat = texels.valid.copy()
+    plane = np.full(texels.count, -1, np.int64)
     for start in range(0, texels.count, CHUNK):
-        part = slice(start, start + CHUNK)
-        triangle = first[part]
+        part = slice(start, min(start + CHUNK, texels.count))
+        triangle = texels.triangle[part]
         normal = surfaces.normal[triangle]
-        flat[part] &= np.einsum("ij,ij->i", texels.shading_normal[part], normal) > ALIKE
         rise = np.einsum("ij,ij->i", texels.position[part] - surfaces.corners[triangle, 0], normal)
-        flat[part] &= np.abs(rise) < np.float32(PLANES_APART * surfaces.radius)
-    return np.where(flat, surfaces.plane[first], -1)
+        flat = np.abs(rise) < np.float32(PLANES_APART * surfaces.radius)
+        flat &= np.einsum("ij,ij->i", texels.shading_normal[part], normal) > ALIKE
+        flat &= texels.valid[part]
+        plane[part] = np.where(flat, surfaces.plane[triangle], -1)
+    return plane
 
 
 def _halved(order: Int64, place: Float32, start: Int64, plane: Int64, least: int) -> Rectangles:
