@@ -11,15 +11,18 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent
 PYTHONS = ("3.13", "3.11")
@@ -37,6 +40,13 @@ WHEEL_TAGS = {
     "macos-x64": ["macosx_14_0_x86_64", "macosx_14_0_universal2"],
 }
 """pip's platform tags for each of Blender's platforms."""
+WHEEL_ENDS = {
+    "linux-x64": r"manylinux\w*_x86_64",
+    "windows-x64": "win_amd64",
+    "macos-arm64": r"macosx_\d+_\d+_(arm64|universal2)",
+    "macos-x64": r"macosx_\d+_\d+_(x86_64|universal2)",
+}
+"""How the names of their wheels end."""
 STAGED = ("__init__.py", "blender_manifest.toml", "LICENSE", "docs/manual", "presets", "radiosity_addon")
 """What an installed extension consists of, its wheels apart."""
 
@@ -199,7 +209,38 @@ def release(platforms: Sequence[str], extra_wheels: Path | None, output: Path) -
         output.mkdir(parents=True, exist_ok=True)
         tool = extension_tool(python)
         places = ["--source-dir", stage, "--output-dir", output.resolve()]
-        return call([python, tool, "build", "--split-platforms", *places])
+        code = call([python, tool, "build", "--split-platforms", *places])
+    version = from_toml((ROOT / "blender_manifest.toml").read_bytes())["version"]
+    for platform in platforms if code == 0 else []:
+        archive = output / f"radiosity_addon-{version}-{platform.replace('-', '_')}.zip"
+        faults = faults_of(archive, platform)
+        if faults:
+            raise Failure(f"{archive.name}: {'; '.join(faults)}.")
+    return code
+
+
+def faults_of(archive: Path, platform: str) -> list[str]:
+    """What a built zip lacks: a wheel of each bundled package for its platform and each Python, in its manifest."""
+    with zipfile.ZipFile(archive) as contents:
+        inside = {name for name in contents.namelist() if name.endswith(".whl")}
+        built = from_toml(contents.read("blender_manifest.toml"))["build"]["generated"]
+    faults = [] if built["platforms"] == [platform] else [f"its manifest is for {built['platforms']}"]
+    if {wheel.removeprefix("./") for wheel in built["wheels"]} != inside:
+        faults.append("its manifest names other wheels than it holds")
+    for package in BUNDLED:
+        for python in PYTHONS:
+            abi = f"cp{python.replace('.', '')}"
+            name = rf"wheels/{package}-[^-]+-{abi}-{abi}-\S*{WHEEL_ENDS[platform]}\.whl"
+            if not any(re.fullmatch(name, wheel, re.IGNORECASE) for wheel in inside):
+                faults.append(f"no wheel of {package} for Python {python}")
+    return faults
+
+
+def from_toml(content: bytes) -> dict[str, Any]:
+    """What a TOML file holds."""
+    import tomllib  # from Python 3.11 on; older ones start this script, too
+
+    return tomllib.loads(content.decode("utf-8"))
 
 
 def download_wheels(python: Path, platform: str, version: str, folder: Path) -> None:

@@ -15,6 +15,7 @@ import shutil
 import socket
 import sys
 import threading
+import time
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import CancelledError
@@ -28,6 +29,13 @@ from .errors import OutputError
 LOCK_NAME = ".radiosity.lock"
 MAX_STEM_BYTES = 150
 """File systems take names of 255 bytes; this leaves room for what is appended."""
+
+SHARING_SECONDS = 2.0 if sys.platform == "win32" else 0.0
+"""On Windows virus scanners and indexers open new files at once, and none can be moved while anybody has it open."""
+OPEN_FILES_GO = sys.platform != "win32"
+"""Whether a file can be removed while it is open."""
+IN_USE = (5, 32)
+"""Windows' errors of files that somebody has open: access denied, sharing violation."""
 
 _HOST = f"{zlib.crc32(socket.gethostname().encode()):08x}"
 _TEMPORARY = re.compile(r"\.radiosity-([0-9a-f]{8})-(\d+)-\d+")
@@ -63,9 +71,10 @@ class Transaction:
                 temporary.unlink(missing_ok=True)
         for target, backup in reversed(self._backup.items()):
             if backup is None:
-                target.unlink(missing_ok=True)
+                with suppress(PermissionError):  # on Windows, while somebody looks at it
+                    target.unlink(missing_ok=True)
             else:
-                os.replace(backup, target)
+                _replace(backup, target)
         self._backup.clear()
         for lock in self._locks:
             lock.release()
@@ -125,20 +134,30 @@ class Transaction:
                 if self._left:
                     temporary.unlink(missing_ok=True)
                     raise CancelledError
-                if target not in self._backup:
+                first = target not in self._backup
+                if first:
                     self._backup[target] = _keep(target)
-                os.replace(temporary, target)
+                try:
+                    _replace(temporary, target)
+                except OSError:
+                    if first:  # nothing has changed that would have to be taken back
+                        self._drop_backup(target)
+                    raise
         except OSError as error:
             raise _output_error(target, error) from error
         del self._temporary[target]
 
     def commit(self) -> None:
         """Keep all that was placed."""
-        for backup in self._backup.values():
-            if backup is not None:
-                backup.unlink(missing_ok=True)
-        self._backup.clear()
+        for target in list(self._backup):
+            self._drop_backup(target)
         self._folders.clear()
+
+    def _drop_backup(self, target: Path) -> None:
+        backup = self._backup.pop(target)
+        if backup is not None:
+            with suppress(PermissionError):  # on Windows, while somebody has it open: the next bake removes it
+                backup.unlink(missing_ok=True)
 
 
 def write_text(target: Path, text: str, files: Transaction) -> None:
@@ -183,6 +202,10 @@ def _output_error(path: Path, error: OSError) -> OutputError:
     cause = (error.strerror or str(error)).lower()
     if error.errno == errno.ENOSPC:
         return OutputError(str(path), cause, "Free some space and try again")
+    if getattr(error, "winerror", None) in IN_USE:
+        return OutputError(
+            str(path), cause, "Close programs that have it open, or choose a folder that you may write to"
+        )
     return OutputError(str(path), cause, "Choose a folder that you may write to")
 
 
@@ -190,6 +213,19 @@ def _temporary_name(folder: Path, suffix: str) -> Path:
     global _count
     _count += 1
     return folder / f".radiosity-{_HOST}-{os.getpid()}-{_count}{suffix}"
+
+
+def _replace(source: Path, target: Path) -> None:
+    """Move a file to a name that may be taken, waiting a little for those who have either open."""
+    end = time.monotonic() + SHARING_SECONDS
+    while True:
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError:
+            if time.monotonic() >= end:
+                raise
+        time.sleep(0.05)
 
 
 def _keep(target: Path) -> Path | None:
@@ -208,7 +244,8 @@ def _remove_stale(folder: Path) -> None:
     for path in folder.iterdir():
         made_by = _TEMPORARY.match(path.name)
         if made_by and made_by[1] == _HOST and not _is_running(int(made_by[2])):
-            path.unlink(missing_ok=True)
+            with suppress(PermissionError):  # on Windows, while somebody has it open
+                path.unlink(missing_ok=True)
 
 
 if sys.platform == "win32":
@@ -270,14 +307,15 @@ class _FolderLock:
 
     def _is_current(self) -> bool:
         try:
-            return os.path.samestat(os.fstat(self._file.fileno()), self._path.stat())
+            return not OPEN_FILES_GO or os.path.samestat(os.fstat(self._file.fileno()), self._path.stat())
         except FileNotFoundError:
             return False
 
     def release(self) -> None:
-        if sys.platform == "win32":  # an open file can't be removed there
+        if not OPEN_FILES_GO:
             self._file.close()
-            self._path.unlink(missing_ok=True)
+            with suppress(PermissionError):  # another bake has opened it since
+                self._path.unlink(missing_ok=True)
         else:
             self._path.unlink(missing_ok=True)
             self._file.close()

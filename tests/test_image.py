@@ -268,3 +268,60 @@ def test_a_file_that_is_being_written_when_its_transaction_is_left_goes_when_it_
     with pytest.raises(CancelledError):
         files.begin(target)
     assert list(tmp_path.iterdir()) == []
+
+
+# as on Windows, where nobody can move or remove a file that somebody has open
+
+
+def sharing_violation() -> PermissionError:
+    error = PermissionError(13, "The process cannot access the file because it is being used by another process")
+    error.winerror = 32
+    return error
+
+
+def test_a_file_that_a_virus_scanner_has_open_is_moved_when_it_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace, refusals = os.replace, [sharing_violation(), sharing_violation()]
+
+    def replace_later(source: Path, target: Path) -> None:
+        if refusals:
+            raise refusals.pop()
+        replace(source, target)
+
+    monkeypatch.setattr(files_module, "SHARING_SECONDS", 5.0)
+    monkeypatch.setattr(files_module.os, "replace", replace_later)
+    with Transaction() as files:
+        write_text(tmp_path / "a.txt", "new", files)
+        files.commit()
+    assert not refusals
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_who_has_a_file_open_is_asked_to_close_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(source: Path, target: Path) -> None:
+        raise sharing_violation()
+
+    (tmp_path / "a.txt").write_text("old")
+    monkeypatch.setattr(files_module.os, "replace", refuse)
+    with pytest.raises(OutputError, match=r"used by another process. Close programs"), Transaction() as files:
+        write_text(tmp_path / "a.txt", "new", files)
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert names(tmp_path) == {"a.txt"}
+
+
+def test_a_backup_that_somebody_has_open_is_left_for_the_next_bake(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.txt").write_text("old")
+    unlink = Path.unlink
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        raise sharing_violation()
+
+    with Transaction() as files:
+        write_text(tmp_path / "a.txt", "new", files)
+        monkeypatch.setattr(Path, "unlink", refuse)
+        files.commit()
+        monkeypatch.setattr(Path, "unlink", unlink)
+    assert (tmp_path / "a.txt").read_text() == "new"

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,37 @@ def test_release_completes_the_manifest(tmp_path: Path) -> None:
     completed = tomllib.loads(manifest.read_text(encoding="utf-8"))
     added = {"platforms": ["linux-x64", "macos-x64"], "wheels": ["./wheels/a-1-py3-none-any.whl"]}
     assert completed == MANIFEST | added
+
+
+@pytest.mark.parametrize("platform", dev.WHEEL_TAGS)
+def test_a_zip_without_a_wheel_or_with_one_of_another_platform_is_no_release(tmp_path: Path, platform: str) -> None:
+    tags = {
+        "linux-x64": "manylinux_2_27_x86_64.manylinux_2_28_x86_64",
+        "windows-x64": "win_amd64",
+        "macos-arm64": "macosx_11_0_arm64",
+        "macos-x64": "macosx_10_14_x86_64",
+    }
+    whole = [
+        f"wheels/{package.lower()}-1.2-{abi}-{abi}-{tags[platform]}.whl"
+        for package in dev.BUNDLED
+        for abi in ("cp311", "cp313")
+    ]
+
+    def faults(held: list[str], named: list[str], built_for: str) -> list[str]:
+        with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+            built = f"[build.generated]\nplatforms = [{built_for!r}]\nwheels = {[f'./{wheel}' for wheel in named]}\n"
+            archive.writestr("blender_manifest.toml", built)
+            for wheel in held:
+                archive.writestr(wheel, b"")
+        return dev.faults_of(tmp_path / "a.zip", platform)
+
+    assert faults(whole, whole, platform) == []
+    assert faults(whole[1:], whole[1:], platform) == [f"no wheel of {dev.BUNDLED[0]} for Python 3.11"]
+    assert faults(whole, whole[1:], platform) == ["its manifest names other wheels than it holds"]
+    assert faults(whole, whole, "elsewhere") == ["its manifest is for ['elsewhere']"]
+    other = next(tag for name, tag in tags.items() if name != platform)
+    mixed = [wheel.replace(tags[platform], other) if "xatlas" in wheel else wheel for wheel in whole]
+    assert faults(mixed, mixed, platform) == [f"no wheel of xatlas for Python {python}" for python in dev.PYTHONS]
 
 
 @pytest.mark.parametrize("version", dev.PYTHONS)

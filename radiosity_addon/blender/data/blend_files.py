@@ -70,14 +70,23 @@ def _reason(error: RuntimeError) -> str:
 @contextmanager
 def silence() -> Iterator[None]:
     """Keep what Blender itself prints off the standard output, which Python code can't stop otherwise."""
-    sys.stdout.flush()
-    kept = os.dup(1)
+    try:
+        kept = os.dup(1)
+    except OSError:  # there is none, as for a window without a console on Windows
+        yield
+        return
+    _flush()
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
     try:
         yield
     finally:
-        sys.stdout.flush()
+        _flush()
         os.dup2(kept, 1)
         os.close(kept)
+
+
+def _flush() -> None:
+    if sys.stdout is not None:
+        sys.stdout.flush()
