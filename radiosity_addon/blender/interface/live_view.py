@@ -41,8 +41,11 @@ void main() {
 }
 """
 
-Pieces = list[tuple[dict[str, Float32], Float32 | None]]
-"""What is drawn in one go: attributes of the corners of triangles, and the page that they lie on, if on one."""
+Attributes = dict[str, Float32]
+"""Of the corners of triangles that are drawn in one go."""
+
+Pieces = list[tuple[Attributes, Float32 | None]]
+"""What is drawn, and the page that it lies on, if on one."""
 
 
 class LiveView:
@@ -65,16 +68,20 @@ class LiveView:
         self.drawing = 0.0
         self.fresh = False
         self._next: Pieces | None = None
-        self._batches: list[tuple[gpu.types.GPUBatch, gpu.types.GPUTexture | None]] = []
+        self._laid: tuple[Float32 | None, list[Attributes]] = None, []  # of which corners they are
+        self._batches: list[tuple[Attributes, gpu.types.GPUBatch, gpu.types.GPUTexture | None]] = []
         self._shaders: dict[bool, gpu.types.GPUShader] = {}
         self._display: gpu.types.GPUTexture | None = None
         self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_VIEW")
 
     def show(self, view: View) -> None:
         """Called in the bake's thread."""
-        self._next = (
-            _of_vertices(view, self.visible) if isinstance(view, LitVertices) else _of_pages(view, self.visible)
-        )
+        if isinstance(view, LitVertices):
+            self._next = _of_vertices(view, self.visible)
+        else:
+            if self._laid[0] is not view.corners:  # where surfaces lie is the same in all that follow
+                self._laid = view.corners, _on_pages(view, self.visible)
+            self._next = list(zip(self._laid[1], map(_opaque, view.images), strict=True))
         self.fresh = True
 
     def remove(self) -> None:
@@ -96,7 +103,7 @@ class LiveView:
         gpu.state.face_culling_set("BACK")
         try:
             projection = _projection(bpy.context.region_data)
-            for batch, texture in self._batches:
+            for _, batch, texture in self._batches:
                 shader = self._shaders[texture is not None]
                 shader.bind()
                 shader.uniform_float("projection", projection)
@@ -114,8 +121,8 @@ class LiveView:
             self.first_at = now
 
     def _uploaded(
-        self, attributes: dict[str, Float32], image: Float32 | None
-    ) -> tuple[gpu.types.GPUBatch, gpu.types.GPUTexture | None]:
+        self, attributes: Attributes, image: Float32 | None
+    ) -> tuple[Attributes, gpu.types.GPUBatch, gpu.types.GPUTexture | None]:
         paged = image is not None
         if self._display is None:
             whole = np.ones((*self.table.shape[:3], 4), np.float32)
@@ -124,13 +131,18 @@ class LiveView:
         if paged not in self._shaders:
             self._shaders[paged] = _shader(paged)
         texture = None if image is None else _texture((image.shape[1], image.shape[0]), image)
-        form = gpu.types.GPUVertFormat()
-        for name, values in attributes.items():
-            form.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
-        buffer = gpu.types.GPUVertBuf(form, len(attributes["position"]))
-        for name, values in attributes.items():
-            buffer.attr_fill(name, values)
-        return gpu.types.GPUBatch(type="TRIS", buf=buffer), texture
+        there = next((batch for known, batch, _ in self._batches if known is attributes), None)
+        return attributes, there or _batch(attributes), texture
+
+
+def _batch(attributes: Attributes) -> gpu.types.GPUBatch:
+    form = gpu.types.GPUVertFormat()
+    for name, values in attributes.items():
+        form.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
+    buffer = gpu.types.GPUVertBuf(form, len(attributes["position"]))
+    for name, values in attributes.items():
+        buffer.attr_fill(name, values)
+    return gpu.types.GPUBatch(type="TRIS", buf=buffer)
 
 
 def _projection(region: bpy.types.RegionView3D) -> Matrix:
@@ -145,15 +157,16 @@ def _of_vertices(view: LitVertices, visible: Bools) -> Pieces:
     return [({"position": view.position[corners], "given": view.radiance[corners]}, None)]
 
 
-def _of_pages(view: LitPages, visible: Bools) -> Pieces:
-    pieces: Pieces = []
-    for page, image in enumerate(view.images):
-        chosen = (view.page == page) & visible[view.mesh]
-        corners = {"position": view.corners[chosen].reshape(-1, 3), "given": view.uv[chosen].reshape(-1, 2)}
-        whole = np.ones((*image.shape[:2], 4), np.float32)
-        whole[:, :, :3] = image
-        pieces.append((corners, whole))
-    return pieces
+def _on_pages(view: LitPages, visible: Bools) -> list[Attributes]:
+    """Of each page."""
+    chosen = [(view.page == page) & visible[view.mesh] for page in range(len(view.images))]
+    return [{"position": view.corners[some].reshape(-1, 3), "given": view.uv[some].reshape(-1, 2)} for some in chosen]
+
+
+def _opaque(image: Float32) -> Float32:
+    whole = np.ones((*image.shape[:2], 4), np.float32)
+    whole[:, :, :3] = image
+    return whole
 
 
 def _texture(size: tuple[int, ...], values: Float32) -> gpu.types.GPUTexture:
