@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small scenes and hand-laid atlases for tests of the core."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 
 from radiosity_addon.atlas.unwrap import Atlas
@@ -63,6 +66,19 @@ def sphere(name, radius=1.0, segments=32, rings=16, inward=False, **options):
     mesh = mesh_of(name, quads, np.zeros(len(quads)), **options)
     normals = mesh.vertices[mesh.triangles] / radius * (-1 if inward else 1)
     return Mesh(**{**vars(mesh), "corner_normals": normals.astype(np.float32)})
+
+
+def folded_sheet(x, height, size=96):
+    """A scene of strips 4 m long between lines at `x`, shaded as if level, and an atlas: one chart, flat along x."""
+    strips = [
+        quad((a, 0, low), (b - a, 0, high - low), (0, 4, 0))
+        for (a, b), (low, high) in zip(pairwise(x), pairwise(height), strict=True)
+    ]
+    mesh = mesh_of("Sheet", strips, np.zeros(len(strips)))
+    level = np.broadcast_to(np.float32([0, 0, 1]), (len(mesh.triangles), 3, 3))
+    scene = Scene((replace(mesh, corner_normals=level),), (Material("Grey"),))
+    flat = 0.05 + 0.9 * (mesh.vertices[mesh.triangles][:, :, :2] / max(*x, 4)).astype(np.float32)
+    return scene, replace(cell_atlas(scene, size), uv=[flat], chart=[np.zeros(len(mesh.triangles), np.int32)])
 
 
 def cell_atlas(scene, size, margin=3):

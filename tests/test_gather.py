@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -13,18 +13,19 @@ from radiosity_addon.bake import bake
 from radiosity_addon.chunks import Fractions, finish
 from radiosity_addon.gather import irradiance_fit
 from radiosity_addon.gather.gather_points import GatherPoints, part_at_walls, place_points
-from radiosity_addon.gather.gather_rays import BELOW, RayCounts, Tally
+from radiosity_addon.gather.gather_rays import BELOW, GatherRays, RayCounts, Tally
 from radiosity_addon.gather.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
 from radiosity_addon.gather.irradiance_fit import OVERSHOOT, fit_irradiance
-from radiosity_addon.gather.neighbours import NEIGHBOURS, Neighbours, find_neighbours
+from radiosity_addon.gather.neighbours import NEIGHBOURS, SAME_FACING, Neighbours, find_neighbours
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import Texels, rasterize
 from radiosity_addon.geometry.visibility import Visibility
-from radiosity_addon.geometry.walls import find_walls
-from radiosity_addon.radiosity.patches import NOTHING
+from radiosity_addon.geometry.walls import find_walls, hidden
+from radiosity_addon.radiosity.illumination import SPECIAL_ROWS
+from radiosity_addon.radiosity.patches import NOTHING, SKY, group_patches
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from tests.shapes import box, cell_atlas, mesh_of, quad, sphere
+from tests.shapes import box, cell_atlas, folded_sheet, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
 FAR = 100.0
@@ -135,6 +136,29 @@ def test_no_points_give_no_light() -> None:
     assert finish(rays.sum(np.zeros((3, 7), np.float32), 1)).shape == (0, 6)
 
 
+def sheet(x: Sequence[float], height: Sequence[float]) -> Texels:
+    scene, atlas = folded_sheet(x, height)
+    return finish(rasterize(atlas, flatten(scene), 1))
+
+
+def test_each_part_of_a_texel_on_two_faces_has_the_horizon_of_its_own_face() -> None:
+    """A face under a white sky has (1 + cos a) / 2 of it if its shading normal leans by a; folds hide more of it."""
+    texels = sheet([0, 2.03, 4], [0, 1.7, 0])  # the ridge leads through texels
+    visibility = Visibility(texels.surfaces.corners)
+    walls = finish(find_walls(texels, visibility, 1))
+    grey, solid = np.zeros((texels.count, 3), np.float32), np.ones(texels.surfaces.count, bool)
+    patches = group_patches(texels, walls, grey, grey, solid, 100, visibility)
+    white = np.zeros(texels.count + patches.count + SPECIAL_ROWS, np.float32)
+    white[SKY] = 1
+    rays = GatherRays(texels, patches, visibility, BakeSettings(quality="high"), white)
+    faces = texels.surfaces.normal[texels.footprints.triangles(np.arange(texels.count))]
+    mixed = np.flatnonzero(np.ptp(faces[:, :, 0], axis=1) > 0.1)
+    _, _, seen = finish(rays.look(mixed, np.zeros(len(mixed), bool)))
+    lean = faces[mixed, :, 2].mean(1)
+    assert len(mixed) > 20
+    assert seen == pytest.approx((1 + lean) / 2, abs=0.02)
+
+
 # where points stand
 
 
@@ -154,6 +178,10 @@ class Blind:
         return np.full(len(chosen), FAR, np.float32)
 
 
+def far(position: Float32) -> Float32:
+    return np.full(len(position), FAR, np.float32)
+
+
 def floor(*more: Mesh) -> Texels:
     """A floor of 4 x 4 m in z = 0, facing up; its texels are 4 / 58 m wide."""
     ground = mesh_of("Floor", [quad((0, 0, 0), (4, 0, 0), (0, 4, 0))], [0])
@@ -161,9 +189,7 @@ def floor(*more: Mesh) -> Texels:
     return finish(rasterize(cell_atlas(scene, 64 * (1 + bool(more))), flatten(scene), 1))
 
 
-def placed(
-    texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = lambda position: np.float32(FAR)
-) -> GatherPoints:
+def placed(texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = far) -> GatherPoints:
     return finish(place_points(texels, texels.valid, base, 0.07, Blind(texels, harmonic)))
 
 
@@ -217,7 +243,7 @@ def test_sheets_that_lie_close_together_have_points_of_their_own() -> None:
 def test_nothing_lit_needs_no_point() -> None:
     texels = floor()
     dark = np.zeros(texels.count, bool)
-    points = finish(place_points(texels, dark, 0.5, 0.07, Blind(texels, lambda position: np.float32(FAR))))
+    points = finish(place_points(texels, dark, 0.5, 0.07, Blind(texels, far)))
     assert points.count == 0
     assert (points.cell == -1).all()
 
@@ -226,12 +252,16 @@ def test_nothing_lit_needs_no_point() -> None:
 
 
 def fitted(
-    texels: Texels, values: Callable[[Float32], Float32], base: float = 0.25, workers: int = 1, harmonic: float = 0.6
+    texels: Texels,
+    values: Callable[[Float32], Float32],
+    base: float = 0.25,
+    workers: int = 1,
+    harmonic: Callable[[Float32], Float32] = lambda position: np.float32(0.6),
 ) -> tuple[Float32, GatherPoints, Neighbours]:
     """Irradiance (T, 1) from `values` at the positions (P, 3) of points."""
     visibility = Visibility(texels.surfaces.corners)
     walls = finish(find_walls(texels, visibility, workers))
-    near = Blind(texels, lambda position: np.float32(harmonic))
+    near = Blind(texels, harmonic)
     points = finish(place_points(texels, texels.valid, base, 0.07, near))
     points = finish(part_at_walls(points, texels, walls, near, visibility, workers))
     neighbours = finish(find_neighbours(texels, points, visibility, workers))
@@ -267,6 +297,35 @@ def test_a_slope_is_followed_across_the_surface() -> None:
     assert np.abs(found[:, 0] - (5 + x - 0.5 * y))[inner].max() < 0.03
 
 
+def test_a_narrow_cell_does_not_keep_wide_ones_around_from_their_points() -> None:
+    texels = floor()
+
+    def harmonic(position: Float32) -> Float32:
+        return np.where(np.linalg.norm(position - (0.5, 0.5, 0), axis=1) < 0.45, 0.1, FAR).astype(np.float32)
+
+    found, points, _ = fitted(texels, lambda position: 5 + position[:, 0], 1.0, harmonic=harmonic)
+    assert points.width.min() < points.width.max() / 2
+    error = (found[:, 0] - 5 - texels.position[:, 0])[np.abs(texels.position).max(1) < 1.4]
+    assert np.sqrt((error**2).mean()) < 0.035
+
+
+def test_no_point_counts_across_a_sharp_edge_that_is_shaded_smooth() -> None:
+    texels = sheet([0, 2, 4], [0, 1.7, 0])
+    _, points, neighbours = fitted(texels, lambda position: position[:, 0])
+    face = texels.normal[points.texel]
+    assert (neighbours.count > 1).mean() > 0.9
+    assert np.einsum("cx,cnx->cn", face, face[neighbours.point]).min() > SAME_FACING
+
+
+def test_each_texel_of_a_fold_sees_the_point_of_its_cell() -> None:
+    texels = sheet(np.arange(11) / 10, 0.06 * (np.arange(11) % 2))
+    _, points, _ = fitted(texels, lambda position: position[:, 0], 0.25, harmonic=lambda position: np.float32(0.1))
+    visibility = Visibility(texels.surfaces.corners)
+    every = np.flatnonzero(points.cell >= 0)
+    seat = points.texel[points.cell[every]]
+    assert not hidden(texels, every, seat, visibility).any()
+
+
 def test_fits_never_leave_the_range_of_their_points_by_more_than_the_stated_share() -> None:
     texels = floor()
     rng = np.random.default_rng(7)
@@ -293,7 +352,7 @@ def test_each_texel_takes_only_points_that_it_sees_past_the_end_of_a_wall() -> N
     x, y = 1.9, 2.0  # the screen leads along this x, up to this y
     screen = mesh_of("Screen", [quad((x, 0, 0), (0, y, 0), (0, 0, 2))], [0])
     texels = floor(screen)
-    found, points, _ = fitted(texels, lambda p: p[:, 0] < x - texels.surfaces.origin[0], base=0.5, harmonic=FAR)
+    found, points, _ = fitted(texels, lambda p: p[:, 0] < x - texels.surfaces.origin[0], base=0.5, harmonic=far)
     place = (texels.position + texels.surfaces.origin)[:, :2]
     bright = place[points.texel][place[points.texel, 0] < x]
     shaded = np.flatnonzero((texels.normal[:, 2] > 0.5) & (place[:, 0] > x + 0.01) & (place[:, 1] < y - 0.03))

@@ -14,7 +14,7 @@ from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.geometry.walls import Walls, find_walls, hidden, part_cells
 from radiosity_addon.radiosity.patches import NOTHING, Patches, group_patches
 from radiosity_addon.scene import Material, Mesh, Scene
-from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad, sphere
+from tests.shapes import box, cell_atlas, folded_sheet, furnished_room, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
 SIZE = 4.0
@@ -160,3 +160,10 @@ def test_no_walls_are_found_where_none_are(scene: Scene) -> None:
     walls = finish(find_walls(texels, visibility, 1))
     assert not texels.crossed.any()
     assert walls.planes.shape == (0, 4, 4)
+
+
+def test_an_edge_of_a_smooth_surface_is_no_wall() -> None:
+    scene, atlas = folded_sheet([0, 2.03, 4], [0, 0.8, 0])  # it leads through texels, whose middles lie beneath it
+    texels = finish(rasterize(atlas, flatten(scene), 1))
+    finish(find_walls(texels, Visibility(texels.surfaces.corners), 1))
+    assert not texels.crossed.any()

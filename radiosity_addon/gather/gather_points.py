@@ -59,6 +59,9 @@ LAYER = 0.2
 THINNEST = 0.75
 """Layers are not thinner than this many texels."""
 
+CROWDED = 0.75
+"""A cell is crowded if another surface comes nearer than this many of its widths."""
+
 BLOCK = 1 << 17
 """Texels whose cells are found in one go: 4 MB of places and normals."""
 
@@ -82,6 +85,11 @@ class GatherPoints:
     @property
     def count(self) -> int:
         return len(self.texel)
+
+    @property
+    def crowded(self) -> Bools:
+        """(P,) bool, other surfaces come close, so that texels of a cell may see what its point does not."""
+        return np.asarray(self.nearest < self.width * np.float32(CROWDED))
 
 
 class Eyes(Protocol):
@@ -189,7 +197,9 @@ def part_at_walls(
     points: GatherPoints, texels: Texels, walls: Walls, eyes: Eyes, visibility: Visibility, workers: int
 ) -> Fractions[GatherPoints]:
     """Give the texels of each cell that its point can't see a point of their own."""
-    parting = part_cells(points.cell, points.texel, walls.border, texels, visibility, workers)
+    first = np.append(points.crowded, False)[points.cell]  # folds part cells as walls do
+    first |= walls.border
+    parting = part_cells(points.cell, points.texel, first, texels, visibility, workers)
     cell, seat = yield from scaled(parting, 0, 0.5)
     new = seat[points.count :]
     width = points.width[points.cell[new]]

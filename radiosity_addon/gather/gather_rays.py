@@ -239,11 +239,13 @@ class GatherRays:
         if self._cells:
             left = np.flatnonzero(element == SKY)
             element[left] = cells(directions[left]) + np.int32(texels.count + self._patches.count)
-        shading, geometric = texels.shading_normal.take(texel, axis=0), texels.normal.take(texel, axis=0)
-        tilted = dots(shading, geometric) < 1 - 1e-6
+        # each stratum has the horizon of its own face: texels of folded cloth lie on two
+        faces = texels.surfaces.normals(texels.footprints.triangles(texel).reshape(-1))
+        tilted = dots(np.repeat(texels.shading_normal.take(texel, axis=0), STRATA, axis=0), faces) < 1 - 1e-6
         if tilted.any():
-            ray = np.flatnonzero(tilted.take(rows))
-            ray = ray[dots(directions.take(ray, axis=0), geometric.take(rows[ray], axis=0)) <= 0]
+            stratum = rows * STRATA + (sample & (STRATA - 1))
+            ray = np.flatnonzero(tilted.take(stratum))
+            ray = ray[dots(directions.take(ray, axis=0), faces.take(stratum[ray], axis=0)) <= 0]
             element[ray] = BELOW
         return element, hits
 

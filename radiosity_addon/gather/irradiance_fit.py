@@ -25,6 +25,12 @@ SLOPE_DAMPING = 0.01
 OVERSHOOT = 0.3
 """A fitted value may leave the range of its points by this share of the range."""
 
+ENOUGH = 6
+"""Points that count for a texel, at least: beside a narrow cell the reach may end before the points of wide ones."""
+
+ROOM = 1.5
+"""Where fewer are known the reach is so many times the distance of the farthest."""
+
 TEXELS = 1 << 12
 """Texels fitted in one go: their arrays, 0.3 MB each, stay in cache."""
 
@@ -148,12 +154,23 @@ def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
     reach *= np.float32(GROWTH)
     reach += width
     reach = reach.min(1) * np.float32(REACH)
+    few = np.flatnonzero(np.count_nonzero(weight < (reach * reach)[:, None], axis=1) < ENOUGH)
+    reach[few] = np.maximum(reach[few], _reach_of_enough(weight[few]))
     with np.errstate(over="ignore"):  # what lies nowhere, in a scene of nanometres
         weight /= (reach * reach)[:, None]
     np.subtract(1, weight, out=weight)
     np.maximum(weight, 0, out=weight)
     weight *= weight
     return weight, reach
+
+
+def _reach_of_enough(squared: Float32) -> Float32:
+    """The reach (T,), m, at which ENOUGH points count, by their squared distances (T, K); no step where others do."""
+    nearest = np.sort(squared, axis=1)[:, : ENOUGH + 1]
+    known = nearest < NOWHERE * NOWHERE / 4
+    farthest = np.sqrt(np.where(known, nearest, 0).max(1))
+    enough = known.sum(1) > ENOUGH
+    return np.asarray(np.where(enough, farthest, np.float32(ROOM) * farthest), np.float32)
 
 
 def _leave_out_hidden(

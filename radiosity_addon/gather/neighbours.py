@@ -25,7 +25,8 @@ NEIGHBOURS = 16
 """Points considered for a cell, at most."""
 
 SAME_FACING = 0.7
-"""Least cosine between normals of a texel and a point that counts for it (45 degrees)."""
+"""Least cosine between normals of a texel and a point that counts for it (45 degrees), of shading normals and of faces:
+where a smooth surface has a sharp edge, each face hides another part of what its shading normal looks at."""
 
 SAME_PLANE = 0.2
 """A point counts if it lies within this share of the distance off the common tangent plane."""
@@ -35,9 +36,6 @@ CELL_RADIUS = 0.75
 
 LEVELS_APART = 2
 """Points of cells up to 2^2 times wider or narrower count."""
-
-CROWDED = 0.75
-"""A cell is crowded if another surface comes nearer than this many of its widths."""
 
 MARGIN = REACH * (1 + GROWTH * CELL_RADIUS)
 """How far beyond a cell a point may lie, in widths, to count for a texel in it."""
@@ -79,7 +77,9 @@ def find_neighbours(
     texels: Texels, points: GatherPoints, visibility: Visibility, workers: int
 ) -> Fractions[Neighbours]:
     """Points that may count for the texels of each cell."""
-    position, normal = (rows.take(points.texel, axis=0) for rows in (texels.position, texels.shading_normal))
+    position, normal, face = (
+        rows.take(points.texel, axis=0) for rows in (texels.position, texels.shading_normal, texels.normal)
+    )
     jobs = _jobs(position, normal, points)
     clear = yield from scaled(_clear_heights(texels, points, visibility, workers), 0, 0.1)
 
@@ -89,7 +89,7 @@ def find_neighbours(
         narrower = np.minimum(points.width.take(point), width)
         beyond = np.asarray((distance - np.float32(CELL_RADIUS) * width) / narrower, np.float32)
         here, there = normal.take(cell, axis=0), normal.take(point, axis=0)
-        facing = dots(here, there)
+        facing = np.minimum(dots(here, there), dots(face.take(cell, axis=0), face.take(point, axis=0)))
         there += here
         height = np.abs(dots(gap, there)) / 2
         alike = np.flatnonzero((facing > SAME_FACING) & (height <= np.float32(SAME_PLANE) * distance))
@@ -114,7 +114,7 @@ def find_neighbours(
     table = np.repeat(np.arange(points.count, dtype=np.int32)[:, None], NEIGHBOURS, axis=1)
     table[cell[kept], rank[kept]] = point[kept]
     count = np.minimum(np.bincount(cell, minlength=points.count), NEIGHBOURS).astype(np.int32)
-    crowded = points.nearest < points.width * np.float32(CROWDED)
+    crowded = points.crowded
     crowded[cut] = True
     hidden = points.cell[~texels.valid]
     crowded[hidden[hidden >= 0]] = True

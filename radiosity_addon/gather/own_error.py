@@ -215,7 +215,8 @@ def _indirect(
         seen[ray] += _luminance(more * np.repeat(light.passes[-1].reflecting, 3))
     if hits.tint is not None:
         seen *= hits.tint.mean(1)
-    above = dots(directions, texels.normal.take(texel, axis=0)) > 0
+    faces = texels.surfaces.normals(texels.footprints.triangles(texel)[np.arange(len(texel)), sample & (STRATA - 1)])
+    above = dots(directions, faces) > 0
     seen *= above
     back *= above
     return np.pi * seen.reshape(-1, rays).mean(1, dtype=np.float64), back.reshape(-1, rays).mean(1, dtype=np.float64)

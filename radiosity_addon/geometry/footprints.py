@@ -58,6 +58,14 @@ class Footprints:
         found[rows] = self.triangle[~found[rows], 0]
         return found
 
+    def triangles(self, texels: Int64 | Int32) -> Int32:
+        """Triangles (R, 4) of the strata of texels (R,)."""
+        seat = self.seat.take(texels)
+        found = np.repeat(seat[:, None], STRATA, axis=1)
+        rows = np.flatnonzero(seat < 0)
+        found[rows] = self.triangle[~seat[rows]]
+        return found
+
     def points(self, texels: Int64 | Int32, slot: Int64 | Int32) -> tuple[Float32, Int32]:
         """Points of strata of texels (R,): (R, 3) float32, m, in memory x, y and z apart, and their triangles (R,)."""
         triangle = self.seat.take(texels)

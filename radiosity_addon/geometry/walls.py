@@ -161,6 +161,8 @@ def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibil
         dx, dy, dz = np.diff(x), np.diff(y), np.diff(z)
         rise = dx * p[1:] + dy * q[1:] + dz * r[1:]
         wanted &= cosine > BENT
+        creased = _creased(texels, path)
+        wanted &= ~(creased[1:] | creased[:-1])
         level = (cosine > 1 - LEVEL) & (rise * rise <= LEVEL * (dx * dx + dy * dy + dz * dz))
         first, last = _pieces(wanted & level)
         blocked = hidden(texels, path[first], path[last], visibility)
@@ -173,6 +175,16 @@ def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibil
 
     parts = yield from in_chunks(work, max(0, len(order) - 1), CHUNK, workers)
     return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+
+def _creased(texels: Texels, chosen: Int32) -> Bools:
+    """(C,) bool, texels across an edge of a smooth surface: their middle lies beneath it, and sees no neighbour's."""
+    mixed = np.flatnonzero(texels.footprints.seat.take(chosen) < 0)
+    triangles = texels.footprints.triangles(chosen[mixed])
+    faces = texels.surfaces.normals(triangles.reshape(-1)).reshape(-1, STRATA, 3)
+    creased = np.zeros(len(chosen), bool)
+    creased[mixed] = (np.einsum("csx,cx->cs", faces, faces[:, 0]) < BENT).any(1)
+    return creased
 
 
 def _pieces(steps: Bools) -> tuple[Int64, Int64]:
