@@ -86,7 +86,12 @@ def test_mixed_pages_are_handed_on(scene: bpy.types.Scene) -> None:
     fill = np.array(group_images(scene["radiosity_bake"], 0)["Fill"].pixels[:]).reshape(64, 64, -1)[..., :3]
     np.testing.assert_allclose(mixed, 2 * fill * np.float32([0.5, 1.0, 0.0]), rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(Pages.of(scene).light(0), mixed, rtol=1e-3, atol=1e-5)
+    bpy.context.view_layer.update()
+    colors = bpy.data.node_groups["Radiosity Light Groups"].nodes
+    assert [channel.default_value for channel in colors["1"].inputs] == [1.0, 2.0, 0.0]
     assert bpy.ops.radiosity.reset_mix() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert [channel.default_value for channel in colors["1"].inputs] == [1.0, 1.0, 1.0]
     assert np.array_equal(baked_pages(scene)[0][0], as_baked)
 
 

@@ -58,6 +58,7 @@ def stopped(window: Window, unlit: np.ndarray) -> dict[str, Any]:
     """The state after a bake that was ended as soon as there was light to keep."""
     window.ask("choose", LONG_BAKE)
     window.click_button("bpy.ops.radiosity.bake(")
+    window.until(lambda: window.ask("state")["running"], "the bake runs")
     window.click_button("bpy.ops.radiosity.stop(")
     window.until(lambda: window.ask("state")["baked"], "the light is kept")
     return {"view": window.view("stopped", unlike=unlit), **window.ask("state")}
@@ -78,7 +79,7 @@ def test_a_bake_that_is_stopped_keeps_its_light(stopped: dict[str, Any], unlit: 
 
 
 def test_a_slider_dims_a_light_group_and_reset_brings_it_back(window: Window, baked: np.ndarray) -> None:
-    window.drag_slider("radiosity_mix[0].strength", -200)
+    window.set_slider("radiosity_mix[0].strength", "0")
     window.until(lambda: window.ask("state")["mix"] == [0.0, 1.0], "the slider is at its end")
     dimmed = window.view("mixed", unlike=baked)
     assert dimmed.mean() < baked.mean()
@@ -105,6 +106,7 @@ def test_an_overlay_comes_and_goes_and_so_does_the_original_below_it(
 
 def test_check_finds_what_is_not_rendered_and_selects_it(window: Window, baked: np.ndarray) -> None:
     window.click_button("bpy.ops.radiosity.check(")
+    window.until(lambda: window.ask("state")["last"] == "RADIOSITY_OT_check", "the scene is checked")
     window.click_button("bpy.ops.radiosity.select(")
     window.until(lambda: window.ask("state")["active"] == "Forgotten", "the object is selected")
     window.picture("checked")

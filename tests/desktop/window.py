@@ -152,17 +152,18 @@ class Window:
         self.hands("mousemove", x, y, "sleep", HELD, "mousedown", 1, "sleep", HELD, "mouseup", 1)
 
     def click_button(self, operator: str, place: str = "sidebar") -> None:
-        """Click the button that calls an operator, once the mouse is seen to be over it."""
+        """Click the button that calls an operator, once the mouse is seen to be over it.
+
+        Wait for what comes of it before the mouse moves on: a busy window takes a click that is left at once for none.
+        """
         x, y = self.until(lambda: self.button(operator, place), f"a button for {operator} is in the {place}")
         self.click(x, y)
 
-    def drag_slider(self, setting: str, pixels: int) -> None:
-        """Drag the slider of a setting in the sidebar to the right, or to the left."""
-        x, y = self.until(lambda: self.slider(setting), f"a slider for {setting} is in the sidebar")
-        self.hands("mousemove", x, y, "sleep", HELD, "mousedown", 1)
-        for step in (pixels // 2, pixels):
-            self.hands("sleep", HELD, "mousemove", x + step, y)
-        self.hands("sleep", HELD, "mouseup", 1)
+    def set_slider(self, setting: str, text: str) -> None:
+        """Type into the slider of a setting in the sidebar, the mouse over it."""
+        self.until(lambda: self.slider(setting), f"a slider for {setting} is in the sidebar")
+        for key in ("Return", "ctrl+a", *text, "Return"):
+            self.press(key)
 
     def slider(self, setting: str) -> tuple[int, int] | None:
         """Where the slider of a setting is, and the mouse over it; None if it is not in sight."""

@@ -8,9 +8,15 @@ from typing import ClassVar
 import bpy
 from bpy.props import CollectionProperty, FloatProperty, FloatVectorProperty
 
+from ..looks.node_arithmetic import WHITE
 from ..writing.light_mix import mixed_colors
 from .panels import RenderPanel, SidebarPanel
 from .running import Running
+
+
+def _tell_drivers(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Drivers hear of what is set by hand, but not of what scripts set."""
+    self.id_data.update_tag()
 
 
 class RadiosityLightGroup(bpy.types.PropertyGroup):
@@ -24,6 +30,7 @@ class RadiosityLightGroup(bpy.types.PropertyGroup):
         soft_max=2.0,
         step=5,
         precision=2,
+        update=_tell_drivers,
     )
     color: FloatVectorProperty(
         name="Tint",
@@ -33,6 +40,7 @@ class RadiosityLightGroup(bpy.types.PropertyGroup):
         soft_max=1.0,
         size=3,
         subtype="COLOR",
+        update=_tell_drivers,
     )
 
 
@@ -52,8 +60,7 @@ class RADIOSITY_OT_reset_mix(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         for group in context.scene.radiosity_mix:
-            group.property_unset("strength")
-            group.property_unset("color")
+            group.strength, group.color = 1.0, WHITE
         return {"FINISHED"}
 
 

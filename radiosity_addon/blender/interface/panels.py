@@ -150,6 +150,8 @@ class MainPanel(SplitPanel):
         draw_bake(layout, scene)
         draw_summary(layout, context)
         draw_essentials(layout, scene)
+        if context.view_layer.lightgroups:
+            layout.prop(scene.radiosity, "light_groups")
         draw_estimate(layout, scene)
 
 
