@@ -5,6 +5,10 @@ Triangles with smooth normals stand for a surface that bulges over them. Seen fr
 grazes this surface is hidden by the next triangle, or comes from below the horizon: the shadow's edge shows the facets.
 Cycles therefore lifts the origins of grazing shadow rays to the surface that the normals tell of (Object > Shading >
 Shadow Terminator > Geometry Offset), and leaves it to the rays what is below the horizon.
+
+Two things differ. Cycles also lifts the rays that it sends to the world as to a lamp; here only bright pieces of the
+sky are lamps, and the rest of it, a hundredth of which grazes, is gathered from where surfaces are. And with an offset
+of 0 Cycles lets light from below a facet through that very facet, so that open sheets leak; here it stays dark.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ Where light grazes a smooth surface, Cycles starts shadow rays on the rounder su
 corners tell of. A small triangle has next to no roundness of its own: at it, light would arrive as on a flat facet,
 which is not what the surface shows. So such a point is measured on a copy of the whole triangle that it lies on, laid
 on an image one pixel wide so that one pixel is the point, a few millimetres wide. What else of the triangle the image
-would hold, above and below that pixel, is covered by black ones, which Cycles is done with at once.
+would hold, above and below that pixel, is covered by black ones, which Cycles is done with at once. Copies have the
+offset that objects come with, 0.1, as all objects of the sample scenes do.
 """
 
 from __future__ import annotations
