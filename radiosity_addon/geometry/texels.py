@@ -320,7 +320,7 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
     barycentric[alone, 0] = 1 / 3
 
     per_sample = np.append(surfaces.area / np.maximum(samples, 1), 0)
-    area = np.empty(count)
+    area = np.empty(count, np.float32)
     covered = np.empty(count, np.uint8)
     position, shading = (np.empty((count, 3), np.float32) for _ in range(2))
 
@@ -356,7 +356,7 @@ def rasterize(atlas: Atlas, surfaces: Surfaces, workers: int = 1) -> Fractions[T
         texel_at=texel_at,
         footprints=footprints_of(pixels, size, whole, triangles, barycentric, lookup, spread, surfaces),
         covered=covered,
-        area=area.astype(np.float32),
+        area=area,
         position=position,
         shading_normal=shading,
         valid=np.ones(count, bool),
