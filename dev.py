@@ -27,6 +27,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent
 PYTHONS = ("3.13", "3.11")
 """CPython versions that bpy is published for, the preferred one first: Blender 5.2 LTS and 4.5 LTS run on them."""
+OTHER_BLENDERS = {"4.2": ("3.11", "4.2.23")}
+"""Blenders that are tested when asked for: their Python and the bpy that takes the place of the pinned one."""
 STEP_LIMIT = 20 * 60
 """Seconds after which a step of the tests, such as pytest on one Python, is taken to hang."""
 DESKTOP = "tests/desktop"
@@ -67,7 +69,8 @@ def main() -> int:
 
     command = commands.add_parser("test", help="lint, check types and test; what follows -- goes to pytest")
     command.add_argument("--python", choices=PYTHONS, help="test on this version only")
-    command.set_defaults(run=lambda options: test(options.python, words))
+    command.add_argument("--blender", choices=OTHER_BLENDERS, help="tests/blender under this older Blender only")
+    command.set_defaults(run=lambda o: test_under(o.blender, words) if o.blender else test(o.python, words))
 
     command = commands.add_parser("bench", help="run a script of benchmarks/; what follows -- goes to it")
     command.add_argument("name", nargs="?", default="speed", metavar="NAME", help="default: speed")
@@ -148,6 +151,16 @@ def test(version: str | None, pytest_arguments: list[str]) -> int:
         failed |= in_ci
     print("", *verdicts, sep="\n")
     return int(failed)
+
+
+def test_under(blender: str, pytest_arguments: list[str]) -> int:
+    """Run pytest under a Blender that is not one of the usual two; its exit code."""
+    version, bpy = OTHER_BLENDERS[blender]
+    interpreter = find_interpreter(version)
+    if interpreter is None:
+        raise Failure(f"found no CPython {version}. Install one, from python.org or with pyenv.")
+    python = environment((version, interpreter), bpy)
+    return call([python, "-m", "pytest", *(pytest_arguments or ["tests/blender"])], limit=STEP_LIMIT)
 
 
 def side_by_side(steps: Mapping[str, list[object]]) -> dict[str, tuple[int, float]]:
@@ -281,12 +294,18 @@ def requirements(version: str) -> Path:
     return ROOT / "requirements" / f"python-{version}.txt"
 
 
-def environment(interpreter: tuple[str, Path]) -> Path:
-    """The Python of an environment with everything that `requirements` pins; made anew when the pins change."""
+def environment(interpreter: tuple[str, Path], bpy: str | None = None) -> Path:
+    """The Python of an environment with everything that `requirements` pins; made anew when the pins change.
+
+    With `bpy` it is an environment of its own, with this version of bpy in place of the pinned one.
+    """
     version, base = interpreter
-    pins = requirements(version)
-    key = hashlib.sha256(pins.read_bytes()).hexdigest()
+    pins = requirements(version).read_text(encoding="utf-8")
     folder = ROOT / f".venv-{version}"
+    if bpy is not None:
+        pins = re.sub(r"^bpy==.*$", f"bpy=={bpy}", pins, flags=re.MULTILINE)
+        folder = ROOT / f".venv-bpy-{bpy}"
+    key = hashlib.sha256(pins.encode()).hexdigest()
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     stamp = folder / "pins.sha256"
     if stamp.is_file() and stamp.read_text() == key and probe([str(python)]) is not None:
@@ -295,8 +314,10 @@ def environment(interpreter: tuple[str, Path]) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     if call([base, "-m", "venv", folder]):
         raise Failure(f"{base} can't make a virtual environment. Install its venv module.")
-    if call([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement", pins]):
-        raise Failure(f"the packages of {pins.name} could not be installed.")
+    listed = folder / "requirements.txt"
+    listed.write_text(pins, encoding="utf-8")
+    if call([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--requirement", listed]):
+        raise Failure(f"the packages of {requirements(version).name} could not be installed.")
     stamp.write_text(key)
     return python
 

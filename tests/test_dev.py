@@ -100,6 +100,21 @@ def test_no_python_at_all_fails(run_tests) -> None:
         run_tests(set(), {})
 
 
+def test_an_older_blender_has_an_environment_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    steps = Steps({})
+    monkeypatch.setattr(dev, "ROOT", tmp_path)
+    monkeypatch.setattr(dev, "requirements", lambda version: tmp_path / "pins.txt")
+    monkeypatch.setattr(dev, "find_interpreter", lambda version: Path(f"python{version}"))
+    monkeypatch.setattr(dev, "call", steps)
+    (tmp_path / "pins.txt").write_text("attrs==1\nbpy==4.5.15\nnumpy==1.26.4\n")
+    (tmp_path / ".venv-bpy-4.2.23").mkdir()
+    monkeypatch.setattr(dev.shutil, "rmtree", lambda *arguments, **options: None)
+    assert dev.test_under("4.2", []) == 0
+    assert (tmp_path / ".venv-bpy-4.2.23/requirements.txt").read_text() == "attrs==1\nbpy==4.2.23\nnumpy==1.26.4\n"
+    assert steps.ran[0].startswith("python3.11 -m venv")
+    assert steps.ran[-1].endswith("-m pytest tests/blender")
+
+
 def test_running_interpreter_is_found_by_its_version() -> None:
     found = dev.find_interpreter(THIS)
     assert found is not None
