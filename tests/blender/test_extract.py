@@ -219,8 +219,11 @@ def test_ray_visibility_is_followed_and_what_a_bake_can_not_show_is_said():
 
 def test_objects_keep_the_terminator_offset_that_they_are_set_to():
     add_mesh("as it comes")
-    add_mesh("off").shadow_terminator_geometry_offset = 0.0
-    add_mesh("shaded").shadow_terminator_shading_offset = 0.2
+    off, shaded = add_mesh("off"), add_mesh("shaded")
+    if bpy.app.version < (4, 3):
+        off.cycles.shadow_terminator_geometry_offset, shaded.cycles.shadow_terminator_offset = 0.0, 0.2
+    else:
+        off.shadow_terminator_geometry_offset, shaded.shadow_terminator_shading_offset = 0.0, 0.2
     extraction = extract()
     found = {mesh.name: round(mesh.terminator, 6) for mesh in extraction.scene.meshes}
     assert found == {"as it comes": 0.1, "off": 0.0, "shaded": 0.1}

@@ -265,7 +265,7 @@ class Reading:
                     shape=self.families.number(mesh.as_pointer(), uv_map, matrix, page_group) if shares else None,
                     two_sided=two_sided,
                     page_group=page_group,
-                    terminator=thing.shadow_terminator_geometry_offset,
+                    terminator=terminator_offsets(thing)[0],
                     met=thing.visible_diffuse and maker.visible_diffuse,
                     casts=thing.visible_shadow and maker.visible_shadow,
                 ),
@@ -288,7 +288,7 @@ class Reading:
         for name, what in (("is_shadow_catcher", "a shadow catcher"), ("is_holdout", "a holdout")):
             if getattr(thing, name):
                 self.notes.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
-        if thing.shadow_terminator_shading_offset > 0:
+        if terminator_offsets(thing)[1] > 0:
             self.notes.warn(f"{thing.name}: of its Shadow Terminator the Shading Offset is not baked")
 
     def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
@@ -344,3 +344,10 @@ def is_own_mesh(rendered: bpy.types.Mesh, original: bpy.types.Object) -> bool:
     if original.type != "MESH" or any(mod.type == "NODES" for mod in shown):
         return False
     return not shown or has_loops_of(rendered, original.data)
+
+
+def terminator_offsets(thing: bpy.types.Object) -> tuple[float, float]:
+    """Geometry and shading offset of the shadow terminator, which Cycles keeps by itself in Blender 4.2."""
+    if hasattr(thing, "shadow_terminator_shading_offset"):
+        return thing.shadow_terminator_geometry_offset, thing.shadow_terminator_shading_offset
+    return thing.cycles.shadow_terminator_geometry_offset, thing.cycles.shadow_terminator_offset
