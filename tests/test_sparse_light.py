@@ -62,6 +62,13 @@ def test_light_on_planes_is_what_each_texel_would_ask_for(height: float) -> None
     assert np.sqrt(np.mean((found / np.where(lit, expected, 1) - 1)[lit] ** 2)) < 2e-3
 
 
+def test_a_lamp_may_be_asked_for_nowhere() -> None:
+    """As where no rectangle is clear of it."""
+    _, lamp = ground(1.5)
+    nowhere = np.zeros((0, 3), np.float32)
+    assert lamp.light(nowhere, nowhere, None).shape == (0,)
+
+
 def test_few_points_are_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     texels, _ = ground(1.5)
     asked = []

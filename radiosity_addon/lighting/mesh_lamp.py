@@ -46,7 +46,7 @@ class MeshLamp(PanelLamp):
     def in_channels(self, channels: list[int], points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
         """As `light`, in C channels of the tree, (C, P): what they share is found once."""
         total = np.empty((len(channels), len(points)), np.float32)
-        order = _along_curve(points)
+        order = _along_curve(points) if len(points) else np.zeros(0, np.int64)
         for start in range(0, len(points), TOGETHER):
             own = order[start : start + TOGETHER]
             slots = np.arange(-(-len(own) // BLOCK) * BLOCK).reshape(-1, BLOCK)
