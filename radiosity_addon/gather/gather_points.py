@@ -9,7 +9,7 @@ Cells are world-space ones: charts of one surface share them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -62,8 +62,8 @@ THINNEST = 0.75
 CROWDED = 0.75
 """A cell is crowded if another surface comes nearer than this many of its widths."""
 
-BLOCK = 1 << 17
-"""Texels whose cells are found in one go: 4 MB of places and normals."""
+BLOCK = 1 << 15
+"""Texels whose cells are found in one go: 1 MB of places and normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +111,8 @@ def coarsest_width(wanted: float, texel_width: float) -> float:
     return float(finest * 2.0 ** max(0, round(np.log2(wanted / finest))))
 
 
-def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
+def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float, workers: int) -> Fractions[Int64]:
     """One number for each texel (C,), equal within a cell of `width`, m, a facing and a connected surface."""
-    blocks = [chosen[start : start + BLOCK] for start in range(0, len(chosen), BLOCK)]
     component = texels.surfaces.component
 
     def names(part: Int32, facing: Float32, place: Float32) -> Int64:
@@ -121,23 +120,30 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float) -> Int64:
         turned, cube = np.rint(facing * np.float32(FACINGS)), np.floor(place / np.float32(width))
         return np.concatenate([part[None], turned.T, cube.T]).astype(np.int64)
 
-    def of(block: Int64 | Int32) -> tuple[Int32, Float32, Float32]:
+    def of(start: int, stop: int) -> tuple[Int32, Float32, Float32]:
+        block = chosen[start:stop]
         part = component.take(texels.triangle[block])
         return part, texels.shading_normal.take(block, axis=0), texels.position.take(block, axis=0)
 
     # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
-    ends = [[each(part, axis=0, keepdims=True) for part in of(block)] for block in blocks for each in (np.min, np.max)]
-    if not ends:
+    def ends(start: int, stop: int) -> list[Any]:
+        return [np.stack([part.min(0), part.max(0)]) for part in of(start, stop)]
+
+    found = yield from scaled(in_chunks(ends, len(chosen), BLOCK, workers), 0, 0.5)
+    if not found:
         return np.zeros(0, np.int64)
-    joined = [np.concatenate(part) for part in zip(*ends, strict=True)]
+    joined = [np.concatenate(part) for part in zip(*found, strict=True)]
     low, high = (names(*(each(part, axis=0, keepdims=True) for part in joined)) for each in (np.min, np.max))
     keys = np.zeros(len(chosen), np.int64)
-    for number, block in enumerate(blocks):
-        key = keys[number * BLOCK : (number + 1) * BLOCK]
-        for part, least, most in zip(names(*of(block)), low[:, 0], high[:, 0], strict=True):
+
+    def name(start: int, stop: int) -> None:
+        key = keys[start:stop]
+        for part, least, most in zip(names(*of(start, stop)), low[:, 0], high[:, 0], strict=True):
             key *= most - least + 1
             key += part
             key -= least
+
+    yield from scaled(in_chunks(name, len(chosen), BLOCK, workers), 0.5, 1)
     return keys
 
 
@@ -220,7 +226,9 @@ class _Cells:
 def _cells(
     texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, bend: float, workers: int
 ) -> Fractions[_Cells]:
-    members, begin, size = _grouped(chosen, cell_keys(texels, chosen, width))
+    keys = yield from scaled(cell_keys(texels, chosen, width, workers), 0, 0.5)
+    members, begin, size = _grouped(chosen, keys)
+    del keys
     ends = begin + size
     cuts = [*np.unique(np.searchsorted(ends, np.arange(0, len(members), BLOCK))), len(begin)]
 
@@ -229,7 +237,7 @@ def _cells(
         own = slice(int(begin[first]), int(ends[last - 1]))
         return _layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness, bend)
 
-    parts = yield from in_chunks(work, len(cuts) - 1, 1, workers)
+    parts = yield from scaled(in_chunks(work, len(cuts) - 1, 1, workers), 0.5, 1)
     if not parts:
         return _Cells(members, begin, size, np.zeros(0, bool))
     size, bent = (np.concatenate([getattr(part, name) for part in parts]) for name in ("size", "bent"))

@@ -262,7 +262,8 @@ class GatherRays:
             tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
         self._elements, self._bins, self._fine, self._tints = [], [], [], []
         weights = np.zeros(elements.shape, np.float32)
-        keys = cell_keys(self._texels, points.texel, base * POOL_WIDTH)
+        width = base * POOL_WIDTH
+        keys = yield from scaled(cell_keys(self._texels, points.texel, width, self._workers), 0, 0)
         order = np.argsort(keys, kind="stable")
         begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)])
         # chunks end with a pool, so that no histogram is needed twice
