@@ -12,9 +12,9 @@ from .settings import BakeSettings
 FILLED = 0.77
 """Share of a page that texels of charts cover; 0.66 to 0.88 on the sample scenes, rims of charts included."""
 
-BYTES_PER_TEXEL = 100
-"""What a bake keeps of each texel of its pages, at most. On a hall of balls 61 before there is light, 24 for direct and
-indirect light, and 14 for patches and gather points; where pictures vary over surfaces, 12 more for each kind."""
+BYTES_PER_TEXEL = 115
+"""What a bake needs for each texel of its pages, at most, while gather points are placed; it keeps up to 92. Where
+pictures vary over surfaces, 12 more for each kind."""
 
 BYTES_OF_CHUNKS = 500e6
 """What it holds for a moment beyond that, at most."""

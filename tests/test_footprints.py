@@ -77,7 +77,7 @@ def bytes_of(record: object) -> int:
     return sum(value.nbytes for value in vars(record).values() if isinstance(value, np.ndarray))
 
 
-def test_a_texel_of_a_flat_surface_takes_half_of_what_a_bake_may_keep_of_it():
+def test_a_texel_of_a_flat_surface_takes_less_than_half_of_what_a_bake_needs_for_it():
     texels = texels_of(mesh_of("Floor", [quad((0, 0, 0), (7, 0, 0), (0, 7, 0))], [0]))
     rows = len(texels.footprints.triangle)
     own = bytes_of(texels) + bytes_of(texels.footprints) - texels.pixel.nbytes  # which both of them name
