@@ -45,6 +45,8 @@ class Quality:
         gather_rays: final-gather rays of a gather point
         gather_spacing: least distance of gather points, in texels, on open surfaces
         gather_points: gather points on open surfaces, at most; nooks get more
+        gather_split: gather points get closer while they are farther apart than this share of the harmonic mean
+            distance that they see
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
@@ -56,6 +58,7 @@ class Quality:
     gather_rays: int
     gather_spacing: float
     gather_points: int
+    gather_split: float
     shadow_probes: int
     shadow_rays: int
     gather_passes: int
@@ -63,9 +66,9 @@ class Quality:
 
 
 QUALITY_STEPS: dict[str, Quality] = {
-    "draft": Quality(48, 6000, 64, 8.0, 3000, 1, 16, 1, 0.02),
-    "medium": Quality(64, 12000, 224, 5.0, 6000, 1, 36, 4, 0.01),
-    "high": Quality(128, 24000, 512, 4.0, 12000, 4, 144, 4, 0.005),
+    "draft": Quality(48, 6000, 64, 8.0, 3000, 0.35, 1, 16, 1, 0.02),
+    "medium": Quality(64, 12000, 224, 5.0, 6000, 0.18, 1, 36, 4, 0.01),
+    "high": Quality(128, 24000, 512, 4.0, 12000, 0.18, 4, 144, 4, 0.005),
 }
 
 

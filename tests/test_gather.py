@@ -28,6 +28,8 @@ from radiosity_addon.settings import BakeSettings
 from tests.shapes import box, cell_atlas, folded_sheet, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
+NEAR = 0.35
+"""Share of the harmonic mean distance beyond which cells are split."""
 FAR = 100.0
 """m; harmonic mean distance of a point in the open."""
 
@@ -189,8 +191,10 @@ def floor(*more: Mesh) -> Texels:
     return finish(rasterize(cell_atlas(scene, 64 * (1 + bool(more))), flatten(scene), 1))
 
 
-def placed(texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = far) -> GatherPoints:
-    return finish(place_points(texels, texels.valid, base, 0.07, Blind(texels, harmonic)))
+def placed(
+    texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = far, near: float = NEAR
+) -> GatherPoints:
+    return finish(place_points(texels, texels.valid, base, near, 0.07, Blind(texels, harmonic)))
 
 
 def test_in_the_open_points_stand_a_cell_apart() -> None:
@@ -209,6 +213,11 @@ def test_cells_are_narrower_where_surfaces_are_near() -> None:
     assert left.sum() > 3 * right.sum()
 
 
+def test_a_smaller_share_of_the_distance_splits_cells_sooner() -> None:
+    for near, width in ((NEAR, 0.5), (NEAR / 2, 0.25)):
+        assert set(placed(floor(), 0.5, lambda position: np.float32(2.0), near).width) == {np.float32(width)}
+
+
 def test_points_stand_closer_together_in_folds_than_on_any_flat_surface() -> None:
     scene = Scene((sphere("Ball", 0.2, 8, 4),), GREY)
     ball = finish(rasterize(cell_atlas(scene, 96), flatten(scene), 1))
@@ -221,7 +230,7 @@ def test_every_lit_texel_has_a_point_in_its_own_cell_and_no_other_has_one() -> N
     texels = floor(box("Box", (1, 1, 0), (2, 2, 1)))
     lit = texels.valid & (texels.position[:, 0] < 1.5)
     near = Blind(texels, lambda position: 0.2 + np.abs(position[:, 1]))
-    points = finish(place_points(texels, lit, 0.5, 0.07, near))
+    points = finish(place_points(texels, lit, 0.5, NEAR, 0.07, near))
     assert (points.cell[~lit] == -1).all()
     assert (points.cell[lit] >= 0).all()
     assert np.array_equal(points.cell[points.texel], np.arange(points.count)), "each point lies in its own cell"
@@ -243,7 +252,7 @@ def test_sheets_that_lie_close_together_have_points_of_their_own() -> None:
 def test_nothing_lit_needs_no_point() -> None:
     texels = floor()
     dark = np.zeros(texels.count, bool)
-    points = finish(place_points(texels, dark, 0.5, 0.07, Blind(texels, far)))
+    points = finish(place_points(texels, dark, 0.5, NEAR, 0.07, Blind(texels, far)))
     assert points.count == 0
     assert (points.cell == -1).all()
 
@@ -262,7 +271,7 @@ def fitted(
     visibility = Visibility(texels.surfaces.corners)
     walls = finish(find_walls(texels, visibility, workers))
     near = Blind(texels, harmonic)
-    points = finish(place_points(texels, texels.valid, base, 0.07, near))
+    points = finish(place_points(texels, texels.valid, base, NEAR, 0.07, near))
     points = finish(part_at_walls(points, texels, walls, near, visibility, workers))
     neighbours = finish(find_neighbours(texels, points, visibility, workers))
     irradiance = np.asarray(values(texels.position[points.texel]), np.float32).reshape(points.count, -1)

@@ -51,7 +51,8 @@ def final_gather(
     bright = yield from scaled(light.brightness(patches, workers), 0.0, 0.0)
     rays = GatherRays(texels, patches, visibility, settings, bright, gleams)
     del bright
-    points = yield from scaled(place_points(texels, lit, base, texel_width, rays, workers), 0.0, 0.3)
+    placing = place_points(texels, lit, base, steps.gather_split, texel_width, rays, workers)
+    points = yield from scaled(placing, 0.0, 0.3)
     points = yield from scaled(part_at_walls(points, texels, patches.walls, rays, visibility, workers), 0.3, 0.3)
     tally = yield from scaled(rays.tally(points, base), 0.3, 0.6)
     irradiance = np.zeros((points.count, 0), np.float32)

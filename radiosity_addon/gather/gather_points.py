@@ -28,9 +28,6 @@ LEVELS = 7
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
 
-SPLIT_SHARE = 0.35
-"""A cell is split while it is wider than this share of the harmonic mean distance from its point."""
-
 SPLIT_BEND = 0.02
 """A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
 
@@ -148,9 +145,13 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float, workers: int)
 
 
 def place_points(
-    texels: Texels, lit: Bools, base: float, texel_width: float, eyes: Eyes, workers: int = 1
+    texels: Texels, lit: Bools, base: float, near: float, texel_width: float, eyes: Eyes, workers: int = 1
 ) -> Fractions[GatherPoints]:
-    """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide."""
+    """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide.
+
+    Args:
+        near: a cell is split while it is wider than this share of the harmonic mean distance from its point
+    """
     cell = np.full(texels.count, -1, np.int32)
     at_texel = np.full(texels.count, -1, np.int32)
     places: list[Int64] = []
@@ -183,7 +184,7 @@ def place_points(
         if last:
             break
         folded[members[np.repeat(cells.bent, size)]] = True
-        split = (cells.bent | (width > SPLIT_SHARE * harmonic[point])) & (size > (1 if finest else SMALLEST))
+        split = (cells.bent | (width > near * harmonic[point])) & (size > (1 if finest else SMALLEST))
         if finest:
             split &= folded[members[begin]]
         dark = split & (light[point] <= DARK * light.mean())

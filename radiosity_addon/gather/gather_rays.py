@@ -108,8 +108,8 @@ class Tally:
                 count = np.maximum(np.count_nonzero(met[:, :pilots], axis=1), 1).astype(np.float32)[:, None]
                 missing = np.float32(np.pi) - weight.sum(1)[:, None]
                 level = bright.sum(1)[:, None] / count
-                np.maximum(bright, np.float32(1e-30), out=bright)
-                dim = np.minimum(np.divide(level, bright, out=bright), 1, out=bright)
+                np.maximum(bright, np.maximum(level, np.float32(1e-30)), out=bright)
+                dim = np.divide(level, bright, out=bright)
                 dim *= missing / count
                 weight[:, :pilots] += dim
                 total[rows[start:stop]] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32
 from ..chunks import Fractions, in_chunks
-from ..columns import dots, sums
+from ..columns import sums
 from ..geometry.appearance import Appearance
 from ..geometry.footprints import STRATA
 from ..geometry.visibility import Visibility
@@ -202,7 +202,7 @@ class Illumination:
         received[np.flatnonzero(patch < 0)] = 0
         received[:, ~light.reflecting] = 0
         emission = self.look.emission[texels]
-        shining = np.flatnonzero(dots(emission, emission))
+        shining = np.flatnonzero(emission.any(axis=1))
         received[shining, self.look.group[texels][shining]] += emission[shining]
         return received.reshape(len(patch), 3 * groups)
 
