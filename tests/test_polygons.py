@@ -159,6 +159,18 @@ def test_point_in_the_plane_of_the_polygon_gets_nothing() -> None:
     assert abs(light[0]) < 1e-6
 
 
+def test_points_of_a_polygon_get_nothing_from_it_whatever_their_shading_normals() -> None:
+    rng = np.random.default_rng(3)
+    corners = rng.normal(size=(3, 3)) + 1
+    lamp = polygons.convex_polygon(corners, two_sided=True)
+    points = rng.dirichlet(np.ones(3), 500) @ corners
+    normals = lamp.normal + 0.2 * rng.normal(size=points.shape)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    assert not polygon_light(lamp, points.astype(np.float32), normals.astype(np.float32)).any()
+    over = (points + 1e-3 * lamp.normal).astype(np.float32)
+    assert polygon_light(lamp, over, -normals.astype(np.float32)).mean() == pytest.approx(math.pi, rel=0.05)
+
+
 def test_blocks_do_not_change_the_result() -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(-1, 1, (polygons.BLOCK + 100, 3)).astype(np.float32)

@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int64
+from ..arrays import Bools, Float32, Float64, Int64
 
 BLOCK = 16384
 """Points treated in one go: some twenty rows of 64 kB stay in a second-level cache."""
@@ -254,11 +255,26 @@ def _from_nodes(polygon: Polygon, p: Float32, normal: Float32) -> Float32:
 
 
 def _clipped(corners: Float32, p: Float32, normals: list[Float32]) -> Float32:
-    """As `_lambert`, for the part above all horizons; corners (E, 3) or (E, 3, B)."""
+    """As `_lambert`, for the part above all horizons; corners (E, 3) or (E, 3, B).
+
+    The horizons of smooth normals cut the very polygon that a point lies on: it would be nothing or half the sky there,
+    as rounding has it, and is nothing.
+    """
     polygon = corners if corners.ndim == 3 else np.broadcast_to(corners[:, :, None], (*corners.shape, p.shape[1]))
     for normal in normals:
         polygon = _above(polygon, p, normal)
-    return _lambert(polygon, p, normals[0])
+    light = _lambert(polygon, p, normals[0])
+    light[_in_plane(corners, p)] = 0
+    return light
+
+
+def _in_plane(corners: Float32, p: Float32) -> Bools:
+    """Which points p (3, B) lie in the plane of their polygon, (E, 3) or (E, 3, B)."""
+    spokes = corners - corners[0]
+    front = np.sum([np.cross(a, b, axis=0) for a, b in pairwise(spokes[1:])], axis=0)
+    height = _dot([p[k] - corners[0][k] for k in range(3)], front)
+    flat: Bools = np.abs(height) <= np.sqrt(_dot(front, front)) * _least_rise(corners)
+    return flat
 
 
 def _above(polygon: Float32, p: Float32, normal: Float32) -> Float32:

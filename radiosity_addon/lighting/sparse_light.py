@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
-from ..geometry.texels import Texels
+from ..geometry.texels import STRATA, Texels
 from .flat_cells import FlatCells
 from .lamp_samples import TINY
 from .lamps import Lamp
@@ -36,6 +36,9 @@ MOST = 1 << 12
 
 CLEAR = 1.5
 """Nothing that shines is nearer to a rectangle's middle than this many times half its diagonal."""
+
+STEEP = np.float32(0.5)
+"""Least cosine between a texel's shading normal and a triangle's that it is raised over: a ring in few texels."""
 
 TRIED = 64
 """Rectangles tried in one go."""
@@ -88,10 +91,27 @@ def light_of_tree(lamps: Sequence[MeshLamp], texels: Texels, flat: FlatCells, wo
         shading = texels.shading_normal.take(own, axis=0)
         normal = horizons(texels, own, shading)
         bent = None if np.array_equal(shading, normal) else normal
-        total[:, own] = lamp.in_channels(channels, texels.position.take(own, axis=0), shading, bent)
+        total[:, own] = lamp.in_channels(channels, _raised(texels, own, shading), shading, bent)
 
     yield from scaled(in_chunks(ask, len(alone), ALONE, workers), 0.5, 1)
     return total
+
+
+def _raised(texels: Texels, own: Int64, shading: Float32) -> Float32:
+    """Places (B, 3), m, of texels: where they bend over an edge, over the planes of all the triangles they lie on.
+
+    The mean place of such a texel is inside the body. On one that shines it would have its faces all around.
+    """
+    place = texels.position.take(own, axis=0)
+    rise = np.zeros(len(own), np.float32)
+    for stratum in range(STRATA):
+        points, triangle = texels.points(own, np.full(len(own), stratum))
+        points -= place
+        normal = texels.surfaces.normals(triangle)
+        cosine = np.maximum(np.einsum("ij,ij->i", normal, shading), STEEP)
+        np.maximum(rise, np.einsum("ij,ij->i", points, normal) / cosine, out=rise)
+    place += shading * rise[:, None]
+    return place
 
 
 def _fitted(
