@@ -50,11 +50,11 @@ def without_gloss(blend: Path, target: Path) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(target), copy=True)
 
 
-def bake(blend: Path, page_size: int, quality: str, output: Path) -> None:
+def bake(blend: Path, page_size: int, quality: str, output: Path, *more: str) -> None:
     """Bake a scene by the command line."""
     command = [sys.executable, "-m", "radiosity_addon", "bake", blend, "-o", output]
     options = ["--page-size", page_size, "--quality", quality]
-    subprocess.run([str(part) for part in command + options], check=True, cwd=ROOT)
+    subprocess.run([str(part) for part in (*command, *options, *more)], check=True, cwd=ROOT)
 
 
 def pixels(picture: Path) -> np.ndarray:

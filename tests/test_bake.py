@@ -196,6 +196,19 @@ def test_pages_of_light_groups_add_up_to_the_page_and_each_holds_its_own_light()
     assert bake_of(room).apart == {}, "unless asked for"
 
 
+def test_a_dim_group_that_is_kept_apart_gets_as_many_rays_as_a_bright_one() -> None:
+    def page_of_b(intensity: float) -> Float32:
+        room = two_lamps(2)
+        lamp = PointLight("Other", (intensity,) * 3, (1, 1, 4), group=1)
+        baked = bake_of(replace(room, lights=(room.lights[0], lamp)), quality="medium", light_groups=True)
+        return baked.apart["b"][0] / np.float32(intensity)
+
+    bright, dim = page_of_b(10), page_of_b(0.001)
+    lit_up = bright.min(2) > 0.02 * bright.max()
+    error = (dim - bright)[lit_up] / bright[lit_up]
+    assert np.sqrt((error**2).mean()) < 2e-3
+
+
 def test_lamps_baked_apart_add_up_within_the_gathers_noise() -> None:
     both = two_lamps(1)
     together = bake_of(both, quality="medium").pages[0]

@@ -48,7 +48,7 @@ def final_gather(
     aimed = min(steps.gather_points, max(1.0, np.count_nonzero(lit) / steps.gather_spacing**2))
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
-    bright = yield from scaled(light.brightness(patches, workers), 0.0, 0.0)
+    bright = yield from scaled(light.brightness(patches, workers, settings.light_groups), 0.0, 0.0)
     rays = GatherRays(texels, patches, visibility, settings, bright, gleams)
     del bright
     placing = place_points(texels, lit, base, steps.gather_split, texel_width, rays, workers)

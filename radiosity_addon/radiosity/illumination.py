@@ -166,14 +166,28 @@ class Illumination:
         table[count:, -1] = sums(others)
         return table
 
-    def brightness(self, patches: Patches, workers: int) -> Fractions[Float32]:
-        """The last column (T + N + C + SPECIAL_ROWS,) of `radiance` in the last pass."""
+    def brightness(self, patches: Patches, workers: int, apart: bool = False) -> Fractions[Float32]:
+        """How much each element (T + N + C + SPECIAL_ROWS,) counts for who chooses rays by what they bring.
+
+        The last column of `radiance` in the last pass, or, for light groups that are to be seen `apart`, the sum of
+        groups made equally strong: rays that look for the sun alone would leave the lamps' own pages to chance.
+        """
         last, count = len(self.passes) - 1, len(self.direct)
+        weight = np.ones(3 * self.direct.shape[1], np.float32)
+        if apart:
+            strength = np.einsum("n,ngc->g", patches.area, self.passes[last].radiosity, dtype=np.float64)
+            shines = strength > 0
+            relative = np.zeros(len(strength), np.float32)
+            relative[shines] = strength[shines].min(initial=np.inf) / strength[shines]
+            weight = np.repeat(relative, 3)
         others = self.radiance_of_others(last, patches)
+        others *= weight
         bright = np.empty(count + len(others), np.float32)
 
         def work(start: int, stop: int) -> None:
-            bright[start:stop] = sums(self.radiance_of_texels(last, patches, slice(start, stop)))
+            light = self.radiance_of_texels(last, patches, slice(start, stop))
+            light *= weight
+            bright[start:stop] = sums(light)
 
         yield from in_chunks(work, count, BLOCK, workers)
         bright[count:] = sums(others)
