@@ -11,8 +11,10 @@ import pytest
 
 from radiosity_addon.arrays import Float32
 from radiosity_addon.geometry.surfaces import flatten
+from radiosity_addon.lighting.emitter_tree import Blocks
 from radiosity_addon.lighting.lamps import Lamp
 from radiosity_addon.lighting.lights import lamps_of
+from radiosity_addon.lighting.mesh_lamp import MeshLamp
 from radiosity_addon.lighting.polygons import Polygon, cap_light, convex_polygon, polygon_light
 from radiosity_addon.scene import Material, Mesh, Scene
 from tests.lamps import GREY, PANEL, WHITE, ball, by_samples, lamp_of, receivers, unit
@@ -127,6 +129,19 @@ def test_an_emissive_tube_gives_the_light_of_its_triangles(around: int, height: 
     found = lamp.light((points - origin).astype(np.float32), normals, None)
     assert found.sum() == pytest.approx(expected.sum(), rel=3e-3)
     assert np.abs(found - expected).max() < 0.03 * expected.mean()
+
+
+def test_faces_of_a_tube_are_one_point_each_from_afar_and_polygons_from_near() -> None:
+    lamp, polygons, origin = tube_lamp(0.05, 12)
+    assert isinstance(lamp, MeshLamp)
+    assert lamp.tree is not None
+    normals = np.array([[0, 0, 1], [0, 0, 1], [0.6, 0, 0.8]], np.float32)
+    for height, expected in ((0.1, {0, 1, 4}), (3.0, {1})):
+        points = np.array([[0.1, 0.02, -height], [-0.3, 0.01, -height], [0.2, 0, -height]], np.float32)
+        blocks = Blocks.of((points - origin).astype(np.float32).T[:, :, None], [normals.T[:, :, None]])
+        assert set(lamp.tree.cut(blocks)[2].tolist()) == expected
+        faces = np.sum([polygon_light(polygon, points, normals) for polygon in polygons], axis=0)
+        assert lamp.light((points - origin).astype(np.float32), normals, None) == pytest.approx(faces, rel=1e-3)
 
 
 @pytest.mark.parametrize("closed", [True, False], ids=["tube", "trough"])

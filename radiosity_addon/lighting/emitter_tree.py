@@ -24,6 +24,10 @@ SPREAD = 0.004
 """From how far on do points stand for light that is spread otherwise than they are? Relative to its distance squared
 the second moments then differ by so much."""
 
+GATHERED = 0.001
+"""From how far on does one point stand for light, not four? Relative to its distance squared its second moments, and
+relative to its distance the first ones of a channel, are then so small."""
+
 FAINT = 0.1
 """Channels of less than this share of the light that all have on average may be spread as they like."""
 
@@ -94,6 +98,7 @@ class EmitterTree:
         centre: (N, 3) float32, m, mean place of the light
         radius: (N,) float32, m, of a ball about it
         reach: (N,) float32, m, distance from which on points stand for the node; infinite where they never do
+        alone: (N,) float32, m, distance from which on one point, the centre, does
         points: (PARTS, 3, N) float32, m, with the mean and the largest second moments of where the light is
         weights: (C, PARTS, N) float32, m2, of them in each channel: its area times brightness, at its own mean place
         vector: (3, N) float32, mean normal
@@ -109,6 +114,7 @@ class EmitterTree:
     centre: Float32
     radius: Float32
     reach: Float32
+    alone: Float32
     points: Float32
     weights: Float32
     vector: Float32
@@ -157,8 +163,11 @@ class EmitterTree:
         off = moment - each[:, :, None] * centre[:, None]
         moments -= off[:, :, :, None] * centre[:, None, None] + centre[:, None, :, None] * moment[:, :, None]
         points, weights = _four_points(moments.sum(1) / weight[:, None, None], each, off)
+        least = np.maximum(each, FAINT * weight[:, None] / each.shape[1])
+        alone = np.sqrt((np.linalg.norm(moments, axis=(2, 3)) / least).max(1) / GATHERED)
+        np.maximum(alone, (np.linalg.norm(off, axis=2) / least).max(1) / GATHERED, out=alone)
         other = moments - np.einsum("cpn,pni,pnj->ncij", weights, points, points)
-        other = np.linalg.norm(other, axis=(2, 3)) / np.maximum(each, FAINT * weight[:, None] / each.shape[1])
+        other = np.linalg.norm(other, axis=(2, 3)) / least
         points += centre
         points[:, leaves:] = middle + TRIANGLE_POINTS * np.concatenate([spokes.transpose(1, 0, 2), middle[None]])
         weights[:, :, leaves:] = powers.T[:, None] * TRIANGLE_WEIGHTS[:, None]
@@ -183,6 +192,7 @@ class EmitterTree:
             centre=(centre + origin).astype(np.float32),
             radius=radius.astype(np.float32),
             reach=np.where(filled, reach, 0).astype(np.float32),
+            alone=np.where(filled, np.maximum(alone, reach), 0).astype(np.float32),
             points=np.ascontiguousarray((points + origin).transpose(0, 2, 1), np.float32),
             weights=weights.astype(np.float32),
             vector=np.ascontiguousarray(vector.T, np.float32),
@@ -193,11 +203,11 @@ class EmitterTree:
             leaves=leaves,
         )
 
-    def cut(self, blocks: Blocks) -> tuple[Int64, Int64, Bools]:
+    def cut(self, blocks: Blocks) -> tuple[Int64, Int64, Int64]:
         """For each block the nodes that stand for what of the emitter is above its horizon.
 
         Returns:
-            pairs of block and node, by block, and which nodes are to be taken as points; the others are near leaves
+            pairs of block and node, by block, and as how many points nodes are to be taken; near leaves as none
         """
         block = np.arange(len(blocks.centre), dtype=np.int64)
         node = np.ones_like(block)
@@ -212,14 +222,16 @@ class EmitterTree:
             reach = self.reach[node]
             cut = np.abs(height) < slack
             reach = np.where(cut, np.maximum(reach, radius * np.float32(CUT_REACH)), reach)
-            far = distance - blocks.radius[block] > reach
+            distance -= blocks.radius[block]
+            far = distance > reach
             seen = (height >= -slack) & self.filled[node]
             done = seen & (far | (node >= self.leaves))
-            found.append((block[done], node[done], far[done]))
+            points = np.where(distance > self.alone[node], 1, PARTS)
+            found.append((block[done], node[done], np.where(far, points, 0)[done]))
             block, node = np.repeat(block[seen & ~done], 2), _halves(node[seen & ~done])
-        block, node, far = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        block, node, points = (np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.argsort(block, kind="stable")
-        return block[order], node[order], far[order]
+        return block[order], node[order], points[order]
 
     def extent(self, node: Int64, normal: Float32) -> Float32:
         """How far nodes (K,) may reach, m, along normals (K, 3) from their centres."""

@@ -68,27 +68,32 @@ class MeshLamp(PanelLamp):
         both = np.ones(p.shape[1:], bool)
         if self.box is not None:
             both = ~outside(self.box, p.reshape(3, -1)).reshape(both.shape)
-        block, node, far = self.tree.cut(Blocks.of(p, normals))
+        block, node, points = self.tree.cut(Blocks.of(p, normals))
         step = max(PAIRS // p.shape[2], 1)
-        for start in range(0, len(block), step):
-            part = slice(start, start + step)
-            own, nodes = block[part], node[part]
-            there = p[:, own]
-            above = [normal[:, own] for normal in normals]
-            light = self._as_points(channels, nodes, there, above, both[own])
-            near = np.flatnonzero(~far[part])
-            if len(near):
-                self._as_polygons(channels, light, near, nodes[near], there, above, both[own])
-            first = np.flatnonzero(np.diff(own, prepend=-1))
-            total[:, own[first]] += np.add.reduceat(light, first, axis=1)
+        for alone in (np.flatnonzero(points == 1), np.flatnonzero(points != 1)):
+            for start in range(0, len(alone), step):
+                part = alone[start : start + step]
+                own, nodes = block[part], node[part]
+                there = p[:, own]
+                above = [normal[:, own] for normal in normals]
+                light = self._as_points(channels, nodes, there, above, both[own], points[part[0]] == 1)
+                near = np.flatnonzero(points[part] == 0)
+                if len(near):
+                    self._as_polygons(channels, light, near, nodes[near], there, above, both[own])
+                first = np.flatnonzero(np.diff(own, prepend=-1))
+                total[:, own[first]] += np.add.reduceat(light, first, axis=1)
         return np.maximum(total, 0, out=total)
 
-    def _as_points(self, channels: list[int], nodes: Int64, p: Float32, normals: list[Float32], both: Bools) -> Float32:
-        """Light (C, K, B) of nodes (K,) at receivers (3, K, B); of those, `both` (K, B) see both faces."""
+    def _as_points(
+        self, channels: list[int], nodes: Int64, p: Float32, normals: list[Float32], both: Bools, alone: bool
+    ) -> Float32:
+        """Light (C, K, B) of nodes (K,), each alone one point, at receivers (3, K, B); `both` (K, B) see both faces."""
         assert self.tree is not None
         total = np.zeros((len(channels), *p.shape[1:]), np.float32)
-        weights = self.tree.weights[channels][:, :, nodes]
-        for number, point in enumerate(self.tree.points[:, :, nodes]):
+        weights, points = self.tree.weights[channels][:, :, nodes], self.tree.points[:, :, nodes]
+        if alone:
+            weights, points = weights.sum(1, keepdims=True), self.tree.centre[nodes].T[None]
+        for number, point in enumerate(points):
             way = [point[k][:, None] - p[k] for k in range(3)]
             square = dot(way, way)
             np.maximum(square, TOUCHING, out=square)
