@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A tree over the triangles of an emitter: from afar a branch shines as four points, with its moments.
+"""A tree over the triangles of an emitter: from afar a branch shines as four points or one, with its moments.
 
 In the manner of lightcuts (Walter et al. 2005, "Lightcuts: A Scalable Approach to Illumination"), but what stands for a
 branch has its mean place, its spread along two axes, and the projected area that each direction sees, so that few

@@ -27,12 +27,12 @@ from ..settings import BakeSettings
 from .area_lamps import area_lamp
 from .emitters import emissive_lamps
 from .glow import Glow
-from .lamp_samples import TINY, lattice, lattice_generators, rows_of, shifted
+from .lamp_samples import lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .many_lamps import survey
 from .mesh_lamp import MeshLamp
 from .penumbra import smooth_penumbrae
-from .shades import Bytes, Shades, pooled, shade_codes
+from .shades import Probes, Shades, pooled
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
 from .sparse_light import light_of_meshes
 from .terminator import Footing
@@ -173,7 +173,7 @@ def direct_irradiance(
     if len(free.lamps) >= MANY:
         yield from scaled(_add_many(free, texels, visibility, settings, total), 0, len(free.lamps) / len(lamps.lamps))
         lamps = lamps.of(sorted(lamps.receivers))
-    size = max(1, min(BATCH, BATCH_BYTES // _Probes.bytes_each(visibility) // max(texels.count, 1)))
+    size = max(1, min(BATCH, BATCH_BYTES // Probes.bytes_each(visibility) // max(texels.count, 1)))
     numbers = range(len(lamps.lamps))
     batches = [lamps.of(numbers[start : start + size]) for start in numbers[::size]]
     for done, batch in enumerate(batches):
@@ -242,10 +242,10 @@ def _add_batch(
 
 def _shares(
     batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings
-) -> Fractions[tuple[_Probes, list[Float32]]]:
+) -> Fractions[tuple[Probes, list[Float32]]]:
     """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives."""
     number = len(batch.lamps)
-    probes = _Probes.none(number, texels.count, visibility)
+    probes = Probes.none(number, texels.count, visibility)
     yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers), 0, 0.3)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 
@@ -265,47 +265,8 @@ def _shares(
     return probes, shares
 
 
-@dataclass(frozen=True, eq=False)
-class _Probes:
-    """What a batch of L lamps and their probe rays have found.
-
-    Attributes:
-        light: (L, T) float32, unshadowed
-        low, high: (L, T) uint8, the probes' `Shades`
-        share: (L, C, T) float32 part of the light of the probes that arrived; None where light arrives or does not
-    """
-
-    light: Float32
-    low: Bytes
-    high: Bytes
-    share: Float32 | None
-
-    @classmethod
-    def none(cls, lamps: int, texels: int, visibility: Visibility) -> _Probes:
-        shape = (lamps, texels)
-        light = np.zeros(shape, np.float32)
-        low, high = np.full(shape, 255, np.uint8), np.zeros(shape, np.uint8)
-        return cls(
-            light, low, high, np.zeros((lamps, visibility.channels, texels), np.float32) if visibility.dims else None
-        )
-
-    @staticmethod
-    def bytes_each(visibility: Visibility) -> int:
-        """What a pair of a lamp and a texel takes."""
-        return 6 + (4 * visibility.channels if visibility.dims else 0)
-
-    def put(self, lamp: int, ids: Int64, light: Float32, share: Float32) -> None:
-        """Keep what probes (count, B) of texels (B,) found: their light, and the share (C, count, B) that arrived."""
-        codes = shade_codes(share.reshape(len(share), -1)).reshape(light.shape)
-        shot = light > 0
-        self.low[lamp, ids] = np.where(shot, codes, 255).min(0)
-        self.high[lamp, ids] = np.where(shot, codes, 0).max(0)
-        if self.share is not None:
-            self.share[lamp][:, ids] = (light * share).sum(1) / np.maximum(light.sum(0), TINY)
-
-
 def _probe(
-    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: Probes
 ) -> Fractions[list[None]]:
     """Fill `probes`: closed forms where there is no light yet, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
@@ -342,7 +303,7 @@ def _probe(
 
 
 def _shadow(
-    lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: _Probes
+    lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: Probes
 ) -> Fractions[Float32]:
     """The share (C, T) of a lamp's light that arrives; yields the share done."""
     workers = settings.workers

@@ -9,9 +9,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Float32
+from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks
 from ..geometry.texels import Texels
+from ..geometry.visibility import Visibility
+from .lamp_samples import TINY
 
 Bytes: TypeAlias = NDArray[np.uint8]
 
@@ -54,6 +56,45 @@ class Shades:
         """(T,) bool, where some samples saw more of the lamp than others."""
         mixed: Bools = self.low < self.high
         return mixed
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """What a batch of L lamps and their probe rays have found.
+
+    Attributes:
+        light: (L, T) float32, unshadowed
+        low, high: (L, T) uint8, the probes' `Shades`
+        share: (L, C, T) float32 part of the light of the probes that arrived; None where light arrives or does not
+    """
+
+    light: Float32
+    low: Bytes
+    high: Bytes
+    share: Float32 | None
+
+    @classmethod
+    def none(cls, lamps: int, texels: int, visibility: Visibility) -> Probes:
+        shape = (lamps, texels)
+        light = np.zeros(shape, np.float32)
+        low, high = np.full(shape, 255, np.uint8), np.zeros(shape, np.uint8)
+        return cls(
+            light, low, high, np.zeros((lamps, visibility.channels, texels), np.float32) if visibility.dims else None
+        )
+
+    @staticmethod
+    def bytes_each(visibility: Visibility) -> int:
+        """What a pair of a lamp and a texel takes."""
+        return 6 + (4 * visibility.channels if visibility.dims else 0)
+
+    def put(self, lamp: int, ids: Int64, light: Float32, share: Float32) -> None:
+        """Keep what probes (count, B) of texels (B,) found: their light, and the share (C, count, B) that arrived."""
+        codes = shade_codes(share.reshape(len(share), -1)).reshape(light.shape)
+        shot = light > 0
+        self.low[lamp, ids] = np.where(shot, codes, 255).min(0)
+        self.high[lamp, ids] = np.where(shot, codes, 0).max(0)
+        if self.share is not None:
+            self.share[lamp][:, ids] = (light * share).sum(1) / np.maximum(light.sum(0), TINY)
 
 
 def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
