@@ -14,7 +14,7 @@ from .lamp_samples import dot, outside
 from .lamps import TOUCHING
 from .polygons import signed_light
 
-BLOCK = 16
+BLOCK = 32
 """Receivers, near each other, that share a cut through the tree."""
 
 TOGETHER = 1 << 12
