@@ -25,6 +25,7 @@ from radiosity_addon.blender.judging.overlay_drawing import RAMPS, Look, border_
 from radiosity_addon.blender.judging.overlay_legend import legend_of
 from radiosity_addon.blender.judging.overlay_panel import OVERLAYS
 from radiosity_addon.blender.judging.overlays import OFF, Shown, show
+from radiosity_addon.blender.writing.originals import show_bake, show_originals
 from radiosity_addon.blender.writing.revert import revert
 from radiosity_addon.reports.pictures import LUMENS_PER_WATT
 from radiosity_addon.reports.texel_maps import packed
@@ -71,6 +72,16 @@ def test_after_a_bake_nothing_lacks_but_what_was_not_kept(tmp_path: Path) -> Non
     scene = bpy.context.scene
     assert {name for name in NEEDS if missing(scene, name)} == {"patches", "invalid"}
     Pages.of(scene).images[0][TEXELS_KEY] = packed(np.ones((8, 8), np.int32))
+    assert not any(missing(scene, name) for name in NEEDS)
+
+
+def test_no_overlay_covers_the_original_that_was_asked_for(tmp_path: Path) -> None:
+    baked.bake([baked.quad("Floor")], tmp_path)
+    scene = bpy.context.scene
+    Pages.of(scene).images[0][TEXELS_KEY] = packed(np.ones((8, 8), np.int32))
+    show_originals(scene)
+    assert all("Show Baked" in missing(scene, name) for name in NEEDS)
+    show_bake(scene)
     assert not any(missing(scene, name) for name in NEEDS)
 
 

@@ -20,6 +20,10 @@ from tests.desktop.test_window import PICTURES, RED_WALL
 from tests.desktop.window import Window, alike, red
 
 LONG_BAKE = {"page_size": 1024, "quality": "high"}
+LEGEND = 90
+"""Rows of pixels at the bottom of the 3D view, at most, in which an overlay that is not drawn says why."""
+NEAR = 0.1
+"""Share of a change that may be left when it was taken back."""
 SHORT_BAKE = {"page_size": 256, "quality": "draft", "light_groups": True}
 
 pytestmark = [
@@ -86,4 +90,29 @@ def test_a_slider_dims_a_light_group_and_reset_brings_it_back(window: Window, ba
     assert dimmed.mean() < baked.mean()
     window.click_button("bpy.ops.radiosity.reset_mix(")
     window.until(lambda: window.ask("state")["mix"] == [1.0, 1.0], "the groups are as they were baked")
-    assert window.view(unlike=dimmed).mean() > dimmed.mean()
+    assert returned(window.view(unlike=dimmed), baked, dimmed)
+
+
+def test_an_overlay_gives_way_to_the_original_and_comes_back_with_the_bake(
+    window: Window, baked: np.ndarray, unlit: np.ndarray
+) -> None:
+    window.click_button("bpy.ops.radiosity.overlay(show='illuminance'")
+    judged = window.view("overlay", unlike=baked)
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: window.ask("state")["original"], "the original is shown")
+    original = window.view("overlay_original", unlike=judged)
+    assert returned(original[:-LEGEND], unlit[:-LEGEND], judged[:-LEGEND])
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: not window.ask("state")["original"], "the bake is shown")
+    assert returned(window.view(unlike=original), judged, original)
+    window.click_button("bpy.ops.radiosity.overlay(show='off'")
+    assert returned(window.view(unlike=judged), baked, judged)
+
+
+def returned(view: np.ndarray, to: np.ndarray, away: np.ndarray) -> bool:
+    """Whether a view shows again what it did, as seen from how far it was away: edges of shadows are sampled anew."""
+
+    def far(one: np.ndarray) -> float:
+        return float(np.abs(one.astype(np.float32) - to).mean())
+
+    return far(view) < NEAR * far(away)

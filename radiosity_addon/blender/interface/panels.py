@@ -26,6 +26,8 @@ MOST_FINDINGS = 12
 """Findings in the panel; the command line's `info` lists them all."""
 LETTER = 0.56
 """Mean width of a letter, as a share of the font's size."""
+WITHOUT_MATERIALS = ("WIREFRAME", "SOLID")
+"""Shadings of a 3D view in which no bake is seen."""
 BESIDE_TEXT, BUTTON = 64, 24
 """Pixels, at scale 1, beside the lines of a text: margins, tabs, an icon; and for each button."""
 
@@ -163,6 +165,12 @@ class RADIOSITY_PT_render(MainPanel, RenderPanel, bpy.types.Panel):
 
 class RADIOSITY_PT_sidebar(MainPanel, SidebarPanel, bpy.types.Panel):
     """Bake from the 3D view."""
+
+    def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        super().draw_in(layout, context)
+        shading = context.space_data.shading
+        if is_baked(context.scene) and Running.progress is None and shading.type in WITHOUT_MATERIALS:
+            layout.prop_enum(shading, "type", "MATERIAL", text="See It in Material Preview")
 
 
 class CheckPanel:

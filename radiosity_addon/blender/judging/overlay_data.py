@@ -35,6 +35,7 @@ from ..data.names import (
 )
 from ..writing.baked_pages import mixed_light, recipe_of
 from ..writing.light_mix import mixed_colors
+from ..writing.originals import shows_originals
 
 LIGHT, TEXELS, SURFACES = "light", "texels", "surfaces"
 """What an overlay needs: pages; what their texels were; nothing but a uv map."""
@@ -293,6 +294,8 @@ def density_of(
 
 def missing(scene: bpy.types.Scene, overlay: str) -> str:
     """Why the scene has nothing to show in an overlay; empty if it has."""
+    if is_baked(scene) and shows_originals(scene):
+        return "Show Baked first: the original is in view"
     images = Pages.of(scene).images
     need = NEEDS[overlay]
     if need == SURFACES:
