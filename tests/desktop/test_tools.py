@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is done with a bake besides looking at it, in a real window by mouse: stopping early, and mixing its lights.
+"""What is done with a bake besides looking at it, in a real window by mouse: stopping early, mixing its lights,
+judging it, and comparing it with the original.
 
 One window goes through all of it; see test_window.py.
 """

@@ -170,7 +170,9 @@ class RADIOSITY_PT_sidebar(MainPanel, SidebarPanel, bpy.types.Panel):
         super().draw_in(layout, context)
         shading = context.space_data.shading
         if is_baked(context.scene) and Running.progress is None and shading.type in WITHOUT_MATERIALS:
-            layout.prop_enum(shading, "type", "MATERIAL", text="See It in Material Preview")
+            row = layout.row()
+            row.use_property_split = False
+            row.prop_enum(shading, "type", "MATERIAL", text="See It in Material Preview")
 
 
 class CheckPanel:
