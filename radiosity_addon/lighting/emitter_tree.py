@@ -37,7 +37,7 @@ FLAT = 1e-4
 MISSED = 0.006
 """Branches whose projected area, as a share of all of it, is missed by more in some direction are no points."""
 
-BENT = 0.003
+BENT = 0.001
 """From how far on do points stand for a branch that bulges, or shows more of itself here than there? The first-order
 term of its light over the distance, which they don't have, is then such a share of its area."""
 
