@@ -46,7 +46,7 @@ class Quality:
         gather_spacing: least distance of gather points, in texels, on open surfaces
         gather_points: gather points on open surfaces, at most; nooks get more
         gather_split: gather points get closer while they are farther apart than this share of the harmonic mean
-            distance that they see
+            distance that they see; those of high quality are close from the start
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution

@@ -66,6 +66,7 @@ def test_values_of_triangles_read_as_an_array_over_texels():
     assert np.array_equal(read[:], array)
     assert np.array_equal(read[5:9], array[5:9])
     assert np.array_equal(read[chosen, 1], array[chosen, 1])
+    assert np.array_equal(read[chosen, None], array[chosen, None]), "a new axis behind the texels"
     assert np.array_equal(read.take(chosen, axis=0), array[chosen])
     assert np.array_equal((2.0 * read)[chosen], 2 * array[chosen])
     assert np.array_equal(np.asarray(read), array)

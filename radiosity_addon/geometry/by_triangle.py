@@ -26,10 +26,11 @@ class ByTriangle:
         return len(self.footprints.seat)
 
     def __getitem__(self, which: Any) -> Any:
-        """As of an array (T, ...): texels, then perhaps columns."""
+        """As of an array (T, ...): texels, then perhaps columns or new axes."""
         texels, *columns = which if isinstance(which, tuple) else (which,)
         found = self.values.take(self.footprints.first(texels), axis=0)
-        return found[(..., *columns)] if columns else found
+        over_texels = (slice(None),) * (found.ndim - self.values.ndim + 1)
+        return found[(*over_texels, *columns)] if columns else found
 
     def take(self, texels: Any, axis: int = 0) -> Any:
         """As of an array, along its first axis."""
