@@ -31,6 +31,8 @@ OTHER_BLENDERS = {"4.2": ("3.11", "4.2.23")}
 """Blenders that are tested when asked for: their Python and the bpy that takes the place of the pinned one."""
 STEP_LIMIT = 20 * 60
 """Seconds after which a step of the tests, such as pytest on one Python, is taken to hang."""
+ACCURACY = "tests/accuracy"
+"""Whole scenes against Cycles take as long as all else: they run beside it."""
 DESKTOP = "tests/desktop"
 """These tests measure how long a window stands still: nothing else runs beside them."""
 BUNDLED = ("embreex", "OpenImageIO", "xatlas")
@@ -130,10 +132,12 @@ def test(version: str | None, pytest_arguments: list[str]) -> int:
         raise Failure(f"found no CPython {' or '.join(missing)}. Install one, from python.org or with pyenv.")
 
     first = next(iter(pythons.values()))
-    steps: dict[str, list[object]] = {
-        f"pytest on Python {wanted}": [python, "-m", "pytest", *(pytest_arguments or [f"--ignore={DESKTOP}"])]
-        for wanted, python in pythons.items()
-    }
+    most = pytest_arguments or [f"--ignore={folder}" for folder in (ACCURACY, DESKTOP)]
+    steps: dict[str, list[object]] = {}
+    for wanted, python in pythons.items():
+        steps[f"pytest on Python {wanted}"] = [python, "-m", "pytest", *most]
+    for wanted, python in pythons.items() if not pytest_arguments else []:
+        steps[f"{ACCURACY} on Python {wanted}"] = [python, "-m", "pytest", ACCURACY]
     steps["ruff format"] = [first, "-m", "ruff", "format", "--check", "."]
     steps["ruff check"] = [first, "-m", "ruff", "check", "."]
     steps["mypy"] = [first, "-m", "mypy"]

@@ -57,6 +57,8 @@ def test_the_desktop_is_tested_last_and_alone(run_tests) -> None:
     _, ran = run_tests({"3.13", "3.11"}, {}, words=())
     assert ran[-2:] == ["python-3.13 -m pytest tests/desktop", "python-3.11 -m pytest tests/desktop"]
     assert sum("--ignore=tests/desktop" in line for line in ran[:-2]) == 2
+    assert sum(line.endswith("-m pytest tests/accuracy") for line in ran[:-2]) == 2, "what the others leave out"
+    assert sum("--ignore=tests/accuracy" in line for line in ran[:-2]) == 2
 
 
 def test_steps_run_side_by_side(tmp_path: Path) -> None:
