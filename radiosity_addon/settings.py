@@ -32,9 +32,9 @@ class Quality:
     ========  ============  ================================================================================
     quality   aimed at      measured
     ========  ============  ================================================================================
-    draft     3.5 % (7 %)   Cornell box 2.3, studio 1.8, office 1.8, court 3.0, pavilion 0.9 % (6.5 %)
-    medium    2.5 % (5 %)   Cornell box 0.8, studio 1.2, office 1.5, court 1.2, pavilion 0.5 % (2.2 %)
-    high      1.5 % (3 %)   Cornell box 0.5, court 0.9, pavilion 0.3 % (1.1 %)
+    draft     3.5 % (7 %)   Cornell box 2.3, studio 1.7, office 1.8, court 3.0, pavilion 0.9 % (6.5 %)
+    medium    2.5 % (5 %)   Cornell box 0.7, studio 1.3, office 1.2, court 1.3, pavilion 0.5 % (2.0 %)
+    high      1.5 % (3 %)   Cornell box 0.5, studio 1.1, office 1.0, court 1.2, pavilion 0.4 % (1.1 %)
     ========  ============  ================================================================================
 
     A bake says in its report what it finds that it errs itself (`gather/own_error`).
