@@ -75,11 +75,9 @@ def shown(scene: bpy.types.Scene, mix: Mix, sky: bpy.types.NodeTree, picture: Pa
 def main() -> None:
     """Bake once, mix, render, join."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--samples", type=int, default=64, help="for smooth edges; the light is noise-free; default: 64"
-    )
+    parser.add_argument("--samples", type=int, default=48, help="for smooth edges; default: 48")
     parser.add_argument("--page-size", type=int, default=2048, help="default: 2048")
-    parser.add_argument("--quality", default="medium", help="of the bake; default: medium")
+    parser.add_argument("--quality", default="high", help="of the bake; default: high")
     parser.add_argument("--percent", type=int, default=50, help="of the scene's resolution; default: 50")
     parser.add_argument("-o", dest="output", type=Path, default=ROOT / "docs" / "pictures" / "light_mix.jpg")
     options = parser.parse_args()
