@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from radiosity_addon.scene import Mesh
-from tests.accuracy.probes import BOUNCES, LIFT_SHARE
+from tests.accuracy.cycles_judge import BOUNCES, LIFT_SHARE, baked_material
 
 MARGIN = 4
 """Texels by which charts are widened: a bilinear reading at their edges needs one, filters like more."""
@@ -65,7 +65,7 @@ def receivers(
     images = []
     for page in range(page_count):
         image = bpy.data.images.new(f"Page {page}", size, size, alpha=False, float_buffer=True, is_data=True)
-        mesh.materials.append(_white(image))
+        mesh.materials.append(baked_material(image))
         images.append(image)
 
     made = bpy.data.objects.new("Receivers", mesh)
@@ -77,25 +77,6 @@ def receivers(
         each.select_set(each == made)
     bpy.context.view_layer.objects.active = made
     return images
-
-
-def _white(image: Any) -> Any:
-    """A white diffuse material that bakes into an image."""
-    import bpy
-
-    material = bpy.data.materials.new("Receivers")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    white = nodes.new("ShaderNodeBsdfDiffuse")
-    white.inputs["Color"].default_value = (1, 1, 1, 1)
-    target = nodes.new("ShaderNodeTexImage")
-    target.image = image
-    nodes.active = target
-    output = nodes.new("ShaderNodeOutputMaterial")
-    material.node_tree.links.new(white.outputs[0], output.inputs["Surface"])
-    return material
 
 
 def configure(samples: int, threads: int, bounces: int = BOUNCES, adaptive: bool = False) -> None:

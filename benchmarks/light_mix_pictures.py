@@ -21,7 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.side_by_side import GAP, bake, pixels, write
 from radiosity_addon import blender
-from tests.accuracy.probes import judge
+from tests.accuracy.cycles_judge import judge
 
 ROOT = Path(__file__).resolve().parents[1]
 BLEND = ROOT / "sample_scenes" / "interior.blend"

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tests.accuracy.probes import judge
+from tests.accuracy.cycles_judge import judge
 
 ROOT = Path(__file__).resolve().parents[1]
 JPEG_QUALITY = 90

@@ -6,15 +6,31 @@ Runs on one thread for minutes; the results are committed in references/.
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-from tests.accuracy.probes import make_references
+from tests.accuracy.cycles_judge import measure
+from tests.accuracy.probes import (
+    LUMINANCE,
+    POINTS,
+    Probes,
+    References,
+    extent,
+    fingerprint,
+    footprints,
+    middles,
+    place,
+    rendered_surfaces,
+)
 
+DARK_SHARE = 5e-3
+"""Points below this share of the mean lie under something that stands on the surface, and are left out."""
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
@@ -67,6 +83,55 @@ PLANS = {
     "aces_box": Plan(0.016, 384, count=160),
     "level": Plan(1 / 16.5, 1024, count=250, inside=np.array([[0.0, 0.0, -0.003], [18.61, 24.01, 3.21]])),
 }
+
+
+def make_references(
+    blend: Path,
+    count: int,
+    footprint: float,
+    samples: int,
+    seeds: list[int],
+    inside: np.ndarray | None = None,
+    without: Collection[str] = (),
+) -> References:
+    """Open a .blend and let Cycles measure the light at `count` places of it.
+
+    Args:
+        footprint: edge of the square that each is the mean over, m
+        samples: of a seed and point; there are POINTS points to a place
+        inside, without: as for `place`
+    """
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    surfaces = rendered_surfaces()
+    probes = place(surfaces, count, inside, without)
+    squares = footprints(surfaces, probes, footprint)
+    there = squares.there
+    name = np.repeat(probes.object[:, None], POINTS, axis=1)
+    flat = Probes(name[there], squares.points[there], squares.normals[there])
+    shading, edge = squares.shading[there], footprint / math.sqrt(POINTS)
+    measured, seconds = measure(flat, extent(surfaces), samples, seeds, 1, shading, squares.hosts, edge)
+    values = np.zeros((len(seeds), *squares.points.shape))
+    values[:, there] = measured
+    luminance = values.mean(axis=0) @ LUMINANCE
+    lit = there & (luminance > DARK_SHARE * luminance[there].mean())
+    kept = lit.any(axis=1)
+    means = (values * lit[:, :, None]).sum(axis=2)[:, kept] / lit.sum(axis=1)[kept, None]
+    return References(
+        object=probes.object[kept],
+        position=middles(surfaces, probes, squares, lit, footprint)[kept],
+        normal=probes.normal[kept],
+        value=means.mean(axis=0),
+        noise=means.std(axis=0, ddof=1) / math.sqrt(len(seeds)),
+        footprint=footprint,
+        scene=fingerprint(blend),
+        samples=samples,
+        seeds=np.array(seeds),
+        seconds=np.array(seconds),
+        left_out=int((~kept).sum()),
+        blender=bpy.app.version_string,
+    )
 
 
 def main(names: list[str]) -> None:

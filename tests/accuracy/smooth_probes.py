@@ -37,13 +37,6 @@ class Hosts:
     normals: np.ndarray
 
     @property
-    def flat_normals(self) -> np.ndarray:
-        """(N, 3) unit"""
-        cross = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
-        unit: np.ndarray = cross / np.linalg.norm(cross, axis=1, keepdims=True)
-        return unit
-
-    @property
     def longest(self) -> np.ndarray:
         """(N, 3) the longest edges, m"""
         edges = np.roll(self.corners, -1, axis=1) - self.corners
@@ -51,7 +44,7 @@ class Hosts:
 
     def round(self, edge: float) -> np.ndarray:
         """(N,) bool: those to copy where pieces of `edge` metres stand for points."""
-        bent = (np.abs(self.normals - self.flat_normals[:, None]) > BENT).any(axis=(1, 2))
+        bent = (np.abs(self.normals - flat_normals(self.corners)[:, None]) > BENT).any(axis=(1, 2))
         found: np.ndarray = bent & (heights(self) < MOST_ROWS * edge)
         return found
 
@@ -77,6 +70,13 @@ class Strip:
     height: int
 
 
+def flat_normals(corners: np.ndarray) -> np.ndarray:
+    """(N, 3) unit normals of triangles (N, 3, 3), anticlockwise about the front."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit: np.ndarray = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    return unit
+
+
 def heights(hosts: Hosts) -> np.ndarray:
     """(N,) of triangles over their longest edges, m."""
     edges = hosts.corners[:, 1:] - hosts.corners[:, :1]
@@ -89,7 +89,7 @@ def strip(hosts: Hosts, position: np.ndarray, edge: float) -> Strip:
     """Lay out triangles so that a pixel in each is centred on a position (N, 3) and `edge` metres wide."""
     corners = hosts.corners - position[:, None]
     along = hosts.longest / np.linalg.norm(hosts.longest, axis=1, keepdims=True)
-    up = np.cross(hosts.flat_normals, along)
+    up = np.cross(flat_normals(hosts.corners), along)
     flat = np.stack([np.einsum("ncx,nx->nc", corners, axis) for axis in (along, up)], axis=2) / edge
     below = np.ceil(-flat[:, :, 1].min(axis=1) + 0.5).astype(int)
     above = np.ceil(flat[:, :, 1].max(axis=1) + 0.5).astype(int)
@@ -110,7 +110,7 @@ def host_mesh(hosts: Hosts, laid: Strip, lift: float) -> tuple[Any, Any]:
     import bpy
 
     count = 3 * len(hosts.corners)
-    points = np.tile(hosts.corners + lift * hosts.flat_normals[:, None], (3, 1, 1))
+    points = np.tile(hosts.corners + lift * flat_normals(hosts.corners)[:, None], (3, 1, 1))
     mesh = bpy.data.meshes.new("Smooth Probes")
     mesh.from_pydata(points.reshape(-1, 3).tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist(), shade_flat=False)
     mesh.uv_layers.new(name="Probes").data.foreach_set(

@@ -12,7 +12,8 @@ pytest.importorskip("bpy", reason="Cycles is part of bpy, which is not installed
 import bpy
 
 from radiosity_addon.blender.reading.extract import extract_scene
-from tests.accuracy.probes import Probes, measure
+from tests.accuracy.cycles_judge import measure
+from tests.accuracy.probes import Probes
 from tests.bakes import lit
 
 SAMPLES = 4096

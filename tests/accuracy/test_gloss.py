@@ -24,17 +24,9 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Scene
 from radiosity_addon.settings import BakeSettings
 from tests.accuracy.comparison import compare, page_at
-from tests.accuracy.probes import (
-    DARK_SHARE,
-    LUMINANCE,
-    POINTS,
-    Probes,
-    References,
-    extent,
-    footprints,
-    measure,
-    rendered_surfaces,
-)
+from tests.accuracy.cycles_judge import measure
+from tests.accuracy.make_references import DARK_SHARE
+from tests.accuracy.probes import LUMINANCE, POINTS, Probes, References, extent, footprints, rendered_surfaces
 
 HERE = Path(__file__).resolve().parent
 PAGE = 768

@@ -18,8 +18,9 @@ from radiosity_addon.geometry.visibility import Visibility  # noqa: E402
 from radiosity_addon.lighting.lights import irradiance_at, lamps_of  # noqa: E402
 from radiosity_addon.settings import BakeSettings  # noqa: E402
 from tests.accuracy.comparison import page_at  # noqa: E402
-from tests.accuracy.probes import LIFT_SHARE, Probes, judge, measure, place, probe_mesh, rendered_surfaces  # noqa: E402
-from tests.blender.baked import shader  # noqa: E402
+from tests.accuracy.cycles_judge import LIFT_SHARE, judge, measure, probe_mesh  # noqa: E402
+from tests.accuracy.probes import Probes, place, rendered_surfaces  # noqa: E402
+from tests.blender.materials import shader  # noqa: E402
 
 SAMPLES = 8192
 CORNER_SAMPLES = 8192

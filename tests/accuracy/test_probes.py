@@ -13,6 +13,7 @@ import bpy
 from mathutils import Vector
 
 from tests.accuracy import probes
+from tests.accuracy.cycles_judge import measure
 
 SAMPLES = 512
 
@@ -41,7 +42,7 @@ def lamp(kind: str, **attributes: float) -> None:
 
 def at_the_centre() -> np.ndarray:
     below = probes.Probes(np.array(["Floor"]), np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
-    values, _ = probes.measure(below, size=10.0, samples=SAMPLES, seeds=[1])
+    values, _ = measure(below, size=10.0, samples=SAMPLES, seeds=[1])
     return values[0, 0]
 
 
@@ -70,7 +71,7 @@ def test_open_sky_of_strength_one_gives_one() -> None:
 def test_each_probe_gets_its_own_texel_and_the_light_of_its_own_place() -> None:
     lamp("POINT", energy=100.0, shadow_soft_size=0.0)
     place = probes.place(probes.rendered_surfaces(), 30)
-    values, _ = probes.measure(place, size=10.0, samples=SAMPLES, seeds=[1])
+    values, _ = measure(place, size=10.0, samples=SAMPLES, seeds=[1])
     squared = (place.position**2).sum(axis=1) + 4.0
     expected = 100.0 * 2.0 / (4 * math.pi**2 * squared**1.5)
     np.testing.assert_allclose(values[0, :, 0], expected, rtol=2e-3)
@@ -90,7 +91,7 @@ def test_points_of_a_smooth_surface_have_its_shading_normals() -> None:
     lamp("SUN", energy=3.0, angle=0.0)
     normal = np.array([[math.sin(math.radians(30)), 0.0, math.cos(math.radians(30))]])
     roof = probes.Probes(np.array(["Floor"]), np.array([[0.0, 0.0, 1.0]]), normal)
-    values, _ = probes.measure(roof, 10.0, SAMPLES, [1], shading=np.array([[0.0, 0.0, 1.0]]))
+    values, _ = measure(roof, 10.0, SAMPLES, [1], shading=np.array([[0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(values[0, 0], 3.0 / math.pi, rtol=2e-3)
 
 
@@ -111,9 +112,9 @@ def test_points_of_a_coarse_ball_are_lit_up_to_its_terminator() -> None:
     points = probes.Probes(np.repeat("Sphere", len(normals)), squares.points[there][grazed], normals)
     shading = squares.shading[there][grazed]
     assert len(shading) > 20
-    values, _ = probes.measure(points, 1.0, 16, [1], 1, shading, hosts, 0.02)
+    values, _ = measure(points, 1.0, 16, [1], 1, shading, hosts, 0.02)
     np.testing.assert_allclose(values[0, :, 0], shading @ towards, atol=0.01)
-    flat, _ = probes.measure(points, 1.0, 16, [1], 1, shading)
+    flat, _ = measure(points, 1.0, 16, [1], 1, shading)
     assert np.mean(flat > 0) < 0.15
 
 

@@ -22,7 +22,7 @@ from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Scene
 from radiosity_addon.settings import BakeSettings
-from tests.accuracy.probes import baked_material, judge
+from tests.accuracy.cycles_judge import baked_material, judge
 
 PAGE = 192
 SAMPLES = 48
@@ -83,7 +83,7 @@ def by_cycles(baked: Baked, found: Scene) -> np.ndarray:
     """Cycles' direct light / pi on the texels of a bake, (PAGE, PAGE), -1 where it has none."""
     image = bpy.data.images.new("Page", PAGE, PAGE, alpha=False, float_buffer=True, is_data=True)
     image.pixels.foreach_set(np.full(4 * PAGE * PAGE, -1, np.float32))
-    white = baked_material("ShaderNodeBsdfDiffuse", (1, 1, 1, 1), image)
+    white = baked_material(image)
     things = [bpy.data.objects[mesh.name] for mesh in found.meshes]
     for thing, mesh, uv in zip(things, found.meshes, baked.atlas.uv, strict=True):
         corner_uv = np.zeros((len(thing.data.loops), 2), np.float32)

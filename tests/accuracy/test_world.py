@@ -16,7 +16,8 @@ from radiosity_addon.blender.reading.world import render_sky
 from radiosity_addon.chunks import finish
 from radiosity_addon.lighting.sky import Sky, sky_of
 from radiosity_addon.scene import World
-from tests.accuracy.probes import Probes, measure
+from tests.accuracy.cycles_judge import measure
+from tests.accuracy.probes import Probes
 from tests.test_sky import light_of, ways
 
 SUNNY = ("NISHITA",) if bpy.app.version < (5, 0) else ("SINGLE_SCATTERING", "MULTIPLE_SCATTERING")

@@ -58,24 +58,6 @@ def quad(name: str, material: bpy.types.Material | None = None, uv_maps: int = 1
     return thing
 
 
-def shader(name: str, kind: str, **values: object) -> bpy.types.Material:
-    """A material of one shader node."""
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    node, end = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for key, value in values.items():
-        node.inputs[key.replace("_", " ")].default_value = value
-    tree.links.new(node.outputs[0], end.inputs["Surface"])
-    return material
-
-
-def diffuse(name: str, grey: float) -> bpy.types.Material:
-    return shader(name, "ShaderNodeBsdfDiffuse", Color=(grey, grey, grey, 1))
-
-
 def page_file(path: Path, value: float, size: int = 8) -> Path:
     """A page of one value in every texel, written as data."""
     image = bpy.data.images.new("page", size, size, float_buffer=True, is_data=True)

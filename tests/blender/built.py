@@ -7,6 +7,7 @@ import bpy
 
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.reading.extraction import Extraction
+from tests.blender.materials import shader
 
 QUAD = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 
@@ -36,17 +37,4 @@ def extract(only=None) -> Extraction:
 
 
 def emission(name: str, strength: float) -> bpy.types.Material:
-    return one_shader(name, "ShaderNodeEmission", Strength=strength)
-
-
-def one_shader(name: str, kind: str, **inputs) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    shader, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
-    for key, value in inputs.items():
-        shader.inputs[key].default_value = value
-    tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    return material
+    return shader(name, "ShaderNodeEmission", Strength=strength)

@@ -17,7 +17,7 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.files import Transaction
 from radiosity_addon.reports.report import Report
 from radiosity_addon.settings import BakeSettings
-from tests.blender.baked import diffuse
+from tests.blender.materials import diffuse
 
 SPOTS = [(-3.0, -1.0, 0.6), (-0.5, 0.5, 1.0), (2.5, -0.5, 0.8)]
 """Where instances stand, m; the lamp is to the left, so each has light of its own."""

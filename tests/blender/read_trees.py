@@ -8,17 +8,15 @@ import pytest
 
 from radiosity_addon.blender.looks.materials import read_material
 from radiosity_addon.scene import Material
+from tests.blender.materials import bare
 
 
 class Tree:
     """A material made node by node."""
 
     def __init__(self, name: str = "Material") -> None:
-        self.material = bpy.data.materials.new(name)
-        if bpy.app.version < (5, 0):
-            self.material.use_nodes = True
+        self.material = bare(name)
         self.tree = self.material.node_tree
-        self.tree.nodes.clear()
         self.warnings: list[str] = []
 
     def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:

@@ -13,6 +13,7 @@ from radiosity_addon.blender.reading.cycles_shader import CyclesShader
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.shading import Layout, Quantity
+from tests.blender.materials import bare
 
 SIZE = 64
 
@@ -21,11 +22,8 @@ class Tree:
     """A material made node by node."""
 
     def __init__(self, name: str = "Material") -> None:
-        self.material = bpy.data.materials.new(name)
-        if bpy.app.version < (5, 0):
-            self.material.use_nodes = True
+        self.material = bare(name)
         self.tree = self.material.node_tree
-        self.tree.nodes.clear()
 
     def node(self, kind: str, **inputs: object) -> bpy.types.ShaderNode:
         node = self.tree.nodes.new(f"ShaderNode{kind}")

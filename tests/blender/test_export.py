@@ -18,8 +18,9 @@ from radiosity_addon.errors import BakeError, OutputError, SceneError
 from radiosity_addon.files import Transaction
 from radiosity_addon.pages.page_files import read_page
 from radiosity_addon.pages.page_format import PageFormat, Recipe
-from tests.blender.baked import bake, diffuse, quad, shader
+from tests.blender.baked import bake, quad
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse, shader
 
 
 def export(folder: Path, wanted: str = "exr", gltf: bool = True) -> Exported:

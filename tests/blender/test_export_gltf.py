@@ -18,8 +18,9 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.color.spaces import REC709
 from radiosity_addon.color.transfer import srgb_decode
 from radiosity_addon.files import Transaction
-from tests.blender.baked import bake, diffuse, quad, shader
+from tests.blender.baked import bake, quad
 from tests.blender.glb import Glb, corners, read
+from tests.blender.materials import diffuse, shader
 
 CORNELL = Path(__file__).parents[2] / "sample_scenes" / "cornell_box.blend"
 LIGHT = 0.5

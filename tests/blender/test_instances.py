@@ -15,7 +15,6 @@ from mathutils import Matrix
 from radiosity_addon.blender.data.names import PLACE_KEY, UV_MAP, is_preview, is_stand_in
 from radiosity_addon.blender.writing.revert import revert
 from radiosity_addon.errors import SceneError
-from tests.blender.baked import diffuse
 from tests.blender.datablocks import differences, snapshot
 from tests.blender.instance_bakes import picture, pixels_of
 from tests.blender.instanced import (
@@ -34,6 +33,7 @@ from tests.blender.instanced import (
     stage,
     wedge,
 )
+from tests.blender.materials import diffuse
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,8 +12,9 @@ import pytest
 from radiosity_addon.blender.data.names import group_images, page_images
 from radiosity_addon.blender.judging.overlay_data import Pages
 from radiosity_addon.blender.writing.baked_pages import baked_pages
-from tests.blender.baked import diffuse, quad, shader
+from tests.blender.baked import quad
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse, shader
 from tests.blender.test_preview import rendered
 
 ALBEDO = 0.5

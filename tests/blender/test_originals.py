@@ -14,8 +14,9 @@ from radiosity_addon.blender.data.stand_in import VISIBILITY
 from radiosity_addon.blender.writing.originals import show_bake, show_originals, shows_originals
 from radiosity_addon.blender.writing.revert import revert
 from tests.blender import instanced
-from tests.blender.baked import bake, diffuse, quad
+from tests.blender.baked import bake, quad
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse
 
 
 @pytest.fixture

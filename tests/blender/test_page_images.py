@@ -15,6 +15,7 @@ from radiosity_addon.color.spaces import ACESCG, REC709, REC2020, RGBSpace
 from radiosity_addon.files import Transaction
 from radiosity_addon.pages.page_files import page_paths, write_pages
 from radiosity_addon.pages.page_format import FORMATS, PageFormat
+from tests.blender.materials import bare
 
 SIZE = 16
 WORKING = {"Linear Rec.709": REC709, "Linear Rec.2020": REC2020, "ACEScg": ACESCG}
@@ -41,11 +42,8 @@ def seen_by_cycles(image: bpy.types.Image, token: str, tmp_path: Path) -> np.nda
     mesh = bpy.data.meshes.new("plane")
     mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
     mesh.uv_layers.new().uv.foreach_set("vector", np.float32([0, 0, 1, 0, 1, 1, 0, 1]))
-    material = bpy.data.materials.new("page")
-    if material.node_tree is None:
-        material.use_nodes = True
+    material = bare("page")
     tree = material.node_tree
-    tree.nodes.clear()
     texture, emission = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
     end = tree.nodes.new("ShaderNodeOutputMaterial")
     texture.image, texture.interpolation = image, "Closest"
@@ -168,9 +166,7 @@ def test_pages_of_a_bake_share_one_node_group(tmp_path: Path) -> None:
     with Transaction() as files:
         done = write_pages([stops(), stops()], paths, PageFormat("rgbm"), REC709, files)
         files.commit()
-    material = bpy.data.materials.new("both")
-    if material.node_tree is None:
-        material.use_nodes = True
+    material = bare("both")
     for page, path in enumerate(paths):
         texture = material.node_tree.nodes.new("ShaderNodeTexImage")
         texture.image = load_page(path, page, "token", done.recipe, pack=False)

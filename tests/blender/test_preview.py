@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from radiosity_addon.blender.looks.materials import read_material
-from tests.blender.baked import bake, diffuse, quad, shader
+from tests.blender.baked import bake, quad
+from tests.blender.materials import diffuse, shader
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = 0.5

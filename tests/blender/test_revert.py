@@ -6,8 +6,9 @@ import pytest
 
 from radiosity_addon.blender.data.names import UV_MAP, is_baked
 from radiosity_addon.blender.writing.revert import revert
-from tests.blender.baked import bake, diffuse, quad, shader
+from tests.blender.baked import bake, quad
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse, shader
 
 
 def furnished() -> list[bpy.types.Object]:

@@ -16,15 +16,13 @@ from tests.blender.instanced import (
     nodes,
     stage,
 )
+from tests.blender.materials import bare
 
 
 def emission_of(kind: str, output: str, name: str = "", nested: bool = False) -> bpy.types.Material:
     """A material that emits what a node tells of its instance, in a group or not."""
-    material = bpy.data.materials.new("Asking")
-    if material.node_tree is None:
-        material.use_nodes = True
+    material = bare("Asking")
     nodes = material.node_tree
-    nodes.nodes.clear()
     emission, end = nodes.nodes.new("ShaderNodeEmission"), nodes.nodes.new("ShaderNodeOutputMaterial")
     nodes.links.new(emission.outputs[0], end.inputs["Surface"])
     inside = nodes

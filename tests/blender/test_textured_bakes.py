@@ -17,8 +17,8 @@ from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.files import Transaction
 from radiosity_addon.settings import BakeSettings
-from tests.blender.baked import shader
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import shader
 
 DRAFT = BakeSettings(page_size=64, quality="draft")
 

@@ -11,8 +11,8 @@ import pytest
 
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.errors import SceneError
-from tests.blender.baked import diffuse
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse
 
 SUN = 3.0
 """W/m2; a surface that faces it holds 3 / pi."""

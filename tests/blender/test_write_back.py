@@ -15,8 +15,9 @@ from radiosity_addon.blender.writing.revert import revert
 from radiosity_addon.blender.writing.write_back import write_back
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import OutputError, SceneError
-from tests.blender.baked import atlas_for, bake, diffuse, extract, page_file, quad
+from tests.blender.baked import atlas_for, bake, extract, page_file, quad
 from tests.blender.datablocks import differences, snapshot
+from tests.blender.materials import diffuse
 
 
 def uv_of(mesh: bpy.types.Mesh, name: str = UV_MAP) -> np.ndarray:

@@ -152,21 +152,21 @@ def place(name: str) -> list[int]:
 
 def hovered(name: str) -> str:
     """The call behind the button under the mouse, such as `bpy.ops.radiosity.bake()`; empty where there is none."""
-    manager = bpy.context.window_manager
-    manager.clipboard = ""
-    with bpy.context.temp_override(window=manager.windows[0], area=area(PLACES[name][0]), region=region(name)):
-        if bpy.ops.ui.copy_python_command_button.poll():
-            bpy.ops.ui.copy_python_command_button()
-    return str(manager.clipboard)
+    return _copied(name, bpy.ops.ui.copy_python_command_button)
 
 
 def pointed(name: str) -> str:
     """The path of the setting under the mouse, from its datablock on; empty where there is none."""
+    return _copied(name, bpy.ops.ui.copy_data_path_button)
+
+
+def _copied(name: str, copy: Callable[[], object]) -> str:
+    """What an operator copies of the button under the mouse; empty where it can't."""
     manager = bpy.context.window_manager
     manager.clipboard = ""
     with bpy.context.temp_override(window=manager.windows[0], area=area(PLACES[name][0]), region=region(name)):
-        if bpy.ops.ui.copy_data_path_button.poll():
-            bpy.ops.ui.copy_data_path_button()
+        if copy.poll():
+            copy()
     return str(manager.clipboard)
 
 

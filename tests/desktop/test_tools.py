@@ -7,8 +7,6 @@ One window goes through all of it; see test_window.py.
 
 from __future__ import annotations
 
-import shutil
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,27 +14,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.desktop.blender import ROOT, Desktop
-from tests.desktop.test_window import PICTURES, RED_WALL
-from tests.desktop.window import Window, alike, red
+from tests.desktop.blender import Desktop
+from tests.desktop.cornell import LONG_BAKE, MARKS, PICTURES, SHORT_BAKE, copied, unbaked
+from tests.desktop.window import Window, alike
 
-LONG_BAKE = {"page_size": 1024, "quality": "high"}
 LEGEND = 90
 """Rows of pixels at the bottom of the 3D view, at most, in which an overlay that is not drawn says why."""
 NEAR = 0.1
 """Share of a change that may be left when it was taken back."""
-SHORT_BAKE = {"page_size": 256, "quality": "draft", "light_groups": True}
+GROUPS_APART = {**SHORT_BAKE, "light_groups": True}
 
-pytestmark = [
-    pytest.mark.desktop,
-    pytest.mark.skipif(sys.version_info < (3, 13), reason="the same Blender is driven once, under Python 3.13"),
-]
+pytestmark = MARKS
 
 
 @pytest.fixture(scope="module")
 def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The Cornell box, in a folder of its own."""
-    return Path(shutil.copy(ROOT / "sample_scenes/cornell_box.blend", tmp_path_factory.mktemp("tools")))
+    return copied(tmp_path_factory.mktemp("tools"))
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +49,7 @@ def window(desktop: Desktop, blend: Path) -> Iterator[Window]:
 @pytest.fixture(scope="module")
 def unlit(window: Window) -> np.ndarray:
     """What the 3D view shows before any bake."""
-    window.until(lambda: red(window.picture()) > RED_WALL, "the red wall is seen")
-    return window.view("tools_before")
+    return unbaked(window, "tools_before")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +66,7 @@ def stopped(window: Window, unlit: np.ndarray) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def baked(window: Window, stopped: dict[str, Any]) -> np.ndarray:
     """What the 3D view shows after a whole bake with its light groups kept apart."""
-    window.ask("choose", SHORT_BAKE)
+    window.ask("choose", GROUPS_APART)
     window.click_button("bpy.ops.radiosity.bake(")
     window.until(lambda: window.ask("state")["mix"], "the light groups can be mixed")
     return window.view("grouped", unlike=stopped["view"])

@@ -7,9 +7,6 @@ kept in out/desktop/, or in the folder that RADIOSITY_WINDOW_PICTURES names.
 
 from __future__ import annotations
 
-import os
-import shutil
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,26 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.desktop.blender import ROOT, Desktop
-from tests.desktop.window import Window, alike, red
+from tests.desktop.blender import Desktop
+from tests.desktop.cornell import LONG_BAKE, MARKS, PICTURES, SHORT_BAKE, copied, unbaked
+from tests.desktop.window import Window, alike
 
-PICTURES = Path(os.environ.get("RADIOSITY_WINDOW_PICTURES", ROOT / "out/desktop"))
-LONG_BAKE = {"page_size": 1024, "quality": "high"}
-RED_WALL = 10000
-"""Pixels of it in sight, at least."""
 IN_VIEW = (600, 700)
-SHORT_BAKE = {"page_size": 256, "quality": "draft"}
 
-pytestmark = [
-    pytest.mark.desktop,
-    pytest.mark.skipif(sys.version_info < (3, 13), reason="the same Blender is driven once, under Python 3.13"),
-]
+pytestmark = MARKS
 
 
 @pytest.fixture(scope="module")
 def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The Cornell box, in a folder of its own."""
-    return Path(shutil.copy(ROOT / "sample_scenes/cornell_box.blend", tmp_path_factory.mktemp("window")))
+    return copied(tmp_path_factory.mktemp("window"))
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +45,7 @@ def window(desktop: Desktop, blend: Path) -> Iterator[Window]:
 @pytest.fixture(scope="module")
 def unlit(window: Window) -> np.ndarray:
     """What the 3D view shows before any bake."""
-    window.until(lambda: red(window.picture()) > RED_WALL, "the red wall is seen")
-    return window.view("before")
+    return unbaked(window, "before")
 
 
 @pytest.fixture(scope="module")
