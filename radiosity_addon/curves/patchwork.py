@@ -68,7 +68,8 @@ class Patchwork:
         loop_uv: (L, 2) float64, texture coordinates
         loop_normal: (L, 3) float64, unit, zero where the faces' own are meant
         material: (P,) int64
-        face: (L,) int64, corner of a net's or cap's own numbering: see `corners_of`
+        face: (L,) int64, corner of a net's or cap's own numbering: see `patchwork`
+        numbered: corners in that
     """
 
     vertices: Float64
@@ -78,6 +79,7 @@ class Patchwork:
     loop_normal: Float64
     material: Int64
     face: Int64
+    numbered: int
 
 
 def faces_of(grid: NDArray[T]) -> NDArray[T]:
@@ -93,52 +95,66 @@ def patchwork(nets: Sequence[Net], caps: Sequence[Cap] = ()) -> Patchwork:
 
     Corners of the parts are numbered one part after the other: four for each face of a net, then those of the caps.
     """
-    vertices, loops, sizes, uvs, normals, materials, faces = [], [], [], [], [], [], []
-    base = numbered = 0
-    for net in nets:
-        index, count = _numbered_points(net)
-        corner = faces_of(net.around(index)).reshape(-1, 4)
-        uv = faces_of(np.stack(np.meshgrid(net.rows, net.columns, indexing="ij"), axis=2)).reshape(-1, 2)
-        normal = np.zeros((corner.size, 3)) if net.normals is None else _corner_normals(net, corner)
-        loop, size, face = corner.reshape(-1), np.full(len(corner), 4), np.arange(corner.size)
-        distinct = net.points.reshape(-1, 3)
-        if count < index.size:
-            distinct = np.zeros((count, 3))
-            distinct[index] = net.points
-            keep = corner != np.roll(corner, 1, axis=1)
-            keep &= (keep.sum(axis=1) >= 3)[:, None]
-            keep &= ((corner[:, 0] != corner[:, 2]) & (corner[:, 1] != corner[:, 3]))[:, None]
-            size, face = keep.sum(axis=1), np.flatnonzero(keep)
-            loop, uv, normal, size = loop[face], uv[face], normal[face], size[size > 0]
-        vertices.append(distinct)
-        loops.append(loop + base)
-        uvs.append(uv)
-        normals.append(normal)
-        sizes.append(size)
-        materials.append(np.full(len(size), net.material))
-        faces.append(face + numbered)
-        base += count
-        numbered += corner.size
-    for cap in caps:
-        count = len(cap.points)
-        vertices.append(cap.points)
-        loops.append(np.arange(count) + base)
-        uvs.append(np.stack([np.arange(count) / max(count - 1, 1), np.zeros(count)], axis=1))
-        normals.append(np.zeros((count, 3)))
-        sizes.append(np.array([count]))
-        materials.append(np.array([cap.material]))
-        faces.append(np.arange(count) + numbered)
-        base += count
-        numbered += count
-    size = np.concatenate(sizes)
+    return joined([*map(faces_of_net, nets), *map(face_of_cap, caps)])
+
+
+def joined(parts: Sequence[Patchwork]) -> Patchwork:
+    """One patchwork of several, with the vertices and corners of one part after those of the other."""
+    vertices = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    loops = np.cumsum([0, *(len(part.loop_vertex) for part in parts)])
+    numbered = np.cumsum([0, *(part.numbered for part in parts)])
     return Patchwork(
-        vertices=np.concatenate(vertices),
-        loop_vertex=np.concatenate(loops),
+        vertices=np.concatenate([part.vertices for part in parts]),
+        loop_vertex=np.concatenate([part.loop_vertex + n for part, n in zip(parts, vertices, strict=False)]),
+        loop_start=np.concatenate([part.loop_start + n for part, n in zip(parts, loops, strict=False)]),
+        loop_uv=np.concatenate([part.loop_uv for part in parts]),
+        loop_normal=np.concatenate([part.loop_normal for part in parts]),
+        material=np.concatenate([part.material for part in parts]),
+        face=np.concatenate([part.face + n for part, n in zip(parts, numbered, strict=False)]),
+        numbered=int(numbered[-1]),
+    )
+
+
+def faces_of_net(net: Net) -> Patchwork:
+    """The faces of one net."""
+    index, count = _numbered_points(net)
+    corner = faces_of(net.around(index)).reshape(-1, 4)
+    uv = faces_of(np.stack(np.meshgrid(net.rows, net.columns, indexing="ij"), axis=2)).reshape(-1, 2)
+    normal = np.zeros((corner.size, 3)) if net.normals is None else _corner_normals(net, corner)
+    loop, size, face = corner.reshape(-1), np.full(len(corner), 4), np.arange(corner.size)
+    distinct = net.points.reshape(-1, 3)
+    if count < index.size:
+        distinct = np.zeros((count, 3))
+        distinct[index] = net.points
+        keep = corner != np.roll(corner, 1, axis=1)
+        keep &= (keep.sum(axis=1) >= 3)[:, None]
+        keep &= ((corner[:, 0] != corner[:, 2]) & (corner[:, 1] != corner[:, 3]))[:, None]
+        size, face = keep.sum(axis=1), np.flatnonzero(keep)
+        loop, uv, normal, size = loop[face], uv[face], normal[face], size[size > 0]
+    return Patchwork(
+        vertices=distinct,
+        loop_vertex=loop,
         loop_start=np.cumsum(size) - size,
-        loop_uv=np.concatenate(uvs),
-        loop_normal=np.concatenate(normals),
-        material=np.concatenate(materials),
-        face=np.concatenate(faces),
+        loop_uv=uv,
+        loop_normal=normal,
+        material=np.full(len(size), net.material),
+        face=face,
+        numbered=corner.size,
+    )
+
+
+def face_of_cap(cap: Cap) -> Patchwork:
+    """The one face of a cap."""
+    count = len(cap.points)
+    return Patchwork(
+        vertices=cap.points,
+        loop_vertex=np.arange(count),
+        loop_start=np.zeros(1, np.int64),
+        loop_uv=np.stack([np.arange(count) / max(count - 1, 1), np.zeros(count)], axis=1),
+        loop_normal=np.zeros((count, 3)),
+        material=np.array([cap.material]),
+        face=np.arange(count),
+        numbered=count,
     )
 
 

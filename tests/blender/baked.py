@@ -9,8 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from radiosity_addon.blender.data.evaluation import at_render_settings
-from radiosity_addon.blender.data.stand_in import as_unbaked
+from radiosity_addon.blender.data.stand_in import as_rendered_unbaked
 from radiosity_addon.blender.writing.write_back import write_back
 from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Mesh, Scene
@@ -96,8 +95,8 @@ def extract(things: list[bpy.types.Object], own: dict[str, bool] | None = None) 
             evaluated.to_mesh_clear()
         return meshes
 
-    with as_unbaked(bpy.context.scene):
-        meshes = at_render_settings(bpy.context.scene, read)
+    with as_rendered_unbaked(bpy.context.scene) as depsgraph:
+        meshes = read(depsgraph)
     sources = [
         Source(x.name, own.get(x.name, x.type == "MESH" and not x.modifiers), x.library and x.library.filepath)
         for x in things

@@ -189,7 +189,7 @@ def singles() -> bpy.types.Scene:
     """A scene that shows the same by objects of their own, no two of which share a mesh."""
     scene, made = bpy.context.scene, []
 
-    def read(depsgraph: bpy.types.Depsgraph) -> None:
+    with at_render_settings(scene) as depsgraph:
         for item in depsgraph.object_instances:
             thing = item.object
             if thing.type == "MESH" and len(thing.data.polygons):
@@ -197,7 +197,6 @@ def singles() -> bpy.types.Scene:
                 materials = [slot.material and slot.material.original for slot in thing.material_slots]
                 made.append((thing.name, mesh, materials, item.matrix_world.copy()))
 
-    at_render_settings(scene, read)
     copy = bpy.data.scenes.new("Singles")
     copy.collection.objects.link(bpy.data.objects["Lamp"])
     origin = bpy.data.objects.new("Origin", None)

@@ -16,14 +16,15 @@ from tests.blender.built import add
 def test_looking_at_render_settings_leaves_no_trace():
     bpy.context.view_layer.objects.active = add_cube()
     before = snapshot()
-    at_render_settings(bpy.context.scene, lambda depsgraph: None)
+    with at_render_settings(bpy.context.scene):
+        pass
     assert snapshot() == before
 
 
 def test_an_exception_inside_the_look_comes_out_and_leaves_no_trace():
     before = snapshot()
-    with pytest.raises(ZeroDivisionError):
-        at_render_settings(bpy.context.scene, lambda depsgraph: 1 / 0)
+    with pytest.raises(ZeroDivisionError), at_render_settings(bpy.context.scene):
+        raise ZeroDivisionError
     assert snapshot() == before
 
 
@@ -31,7 +32,8 @@ def test_render_handlers_of_others_are_kept_and_not_called():
     called = []
     bpy.app.handlers.render_pre.append(called.append)
     try:
-        at_render_settings(bpy.context.scene, lambda depsgraph: None)
+        with at_render_settings(bpy.context.scene):
+            assert list(bpy.app.handlers.render_pre) == [called.append]
         assert called == []
         assert list(bpy.app.handlers.render_pre) == [called.append]
     finally:
@@ -44,6 +46,7 @@ def test_the_last_render_is_kept(tmp_path):
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
     scene.camera = add(bpy.data.objects.new("camera", bpy.data.cameras.new("camera")))
     bpy.ops.render.render()
-    at_render_settings(scene, lambda depsgraph: None)
+    with at_render_settings(scene):
+        pass
     bpy.data.images["Render Result"].save_render(str(tmp_path / "kept.png"))
     assert tuple(bpy.data.images.load(str(tmp_path / "kept.png")).size) == (24, 16)

@@ -12,6 +12,7 @@ from radiosity_addon.blender.data.shapes import FREE_NORMALS, placed, read_shape
 from radiosity_addon.blender.data.spline_meshes import spline_mesh
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.writing.revert import revert
+from radiosity_addon.chunks import finish
 from radiosity_addon.scene import Mesh
 from tests.blender.built import add_mesh
 from tests.blender.spline_objects import bake_all, curve_object, link, shown, taper_object
@@ -28,12 +29,12 @@ def reason(thing: bpy.types.Object) -> str | None:
 
 
 def made(thing: bpy.types.Object):
-    return spline_mesh(thing, bpy.context.evaluated_depsgraph_get())
+    return finish(spline_mesh(thing, bpy.context.evaluated_depsgraph_get()))
 
 
 def normals_of(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Geometric (F, 3) and corner normals (F, 3, 3) of the triangles that have an area."""
-    shape = placed(read_shape(mesh), np.eye(4))
+    shape = placed(finish(read_shape(mesh)), np.eye(4))
     a, b, c = np.moveaxis(shape.vertices[shape.triangles], 1, 0)
     cross = np.cross(b - a, c - a)
     return cross / np.linalg.norm(cross, axis=1, keepdims=True), shape.corner_normals
@@ -53,7 +54,7 @@ def test_what_we_make_of_surfaces_looks_as_blenders_own():
     mesh = made(thing).mesh
     theirs = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     for each in (mesh, theirs):
-        shape = placed(read_shape(each), np.eye(4))
+        shape = placed(finish(read_shape(each)), np.eye(4))
         middle = shape.vertices[shape.triangles].mean(axis=1)
         geometric, corner = normals_of(each)
         assert (np.einsum("fi,fi->f", geometric, middle) > 0).mean() > 0.98  # Blender's own poles are ragged
@@ -64,7 +65,7 @@ def test_what_we_make_of_surfaces_looks_as_blenders_own():
 
 def test_shading_normals_of_a_sphere_are_exact():
     mesh = made(nurbs_sphere()).mesh
-    shape = read_shape(mesh)
+    shape = placed(finish(read_shape(mesh)), np.eye(4))
     radial = shape.vertices[shape.triangles]
     poles = np.linalg.norm(radial[..., :2], axis=2) < 1e-6
     radial = radial / np.linalg.norm(radial, axis=2, keepdims=True)
@@ -89,7 +90,7 @@ def test_caps_face_outward_as_in_blender(outline):
         point.co, point.tilt, point.radius = (i, 0, 0, 1), 0, 1
     theirs = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     for mesh in (made(thing).mesh, theirs):
-        shape = read_shape(mesh)
+        shape = placed(finish(read_shape(mesh)), np.eye(4))
         normal, _ = normals_of(mesh)
         for end in (0, 1):
             cap = (np.abs(shape.vertices[shape.triangles][..., 0] - end) < 1e-6).all(axis=1)

@@ -15,6 +15,7 @@ import pytest
 from radiosity_addon.blender.data import curves
 from radiosity_addon.blender.data.curves import profiles, resolution_of, surface_net, swept, taper_of
 from radiosity_addon.blender.data.splines import Degenerate, read_path, read_surface
+from radiosity_addon.chunks import finish
 from radiosity_addon.curves.patchwork import Net, patchwork
 from radiosity_addon.curves.sweep import Profile
 from tests.blender.spline_objects import ENDS, Shown, curve_object, shown, surface_object, taper_object
@@ -235,7 +236,10 @@ def test_profiles_sampled_by_curvature_stand_as_blenders_do(kind):
                 point.handle_left_type = point.handle_right_type = "AUTO"
         bpy.context.view_layer.update()
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        theirs, ours = curve_nets(thing)[0], curves.curve_nets(thing.evaluated_get(depsgraph).data, depsgraph).nets[0]
+        theirs, ours = (
+            curve_nets(thing)[0],
+            finish(curves.curve_nets(thing.evaluated_get(depsgraph).data, depsgraph)).nets[0],
+        )
         ribbons = [net.points[:, 1] - net.points[:, 0] for net in (theirs, ours)]
         rows = [net.rows[: len(net.points)] for net in (theirs, ours)]
         around = 1.0 if cyclic else None

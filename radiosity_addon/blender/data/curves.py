@@ -7,7 +7,7 @@ docs/curves.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import bpy
@@ -87,14 +87,15 @@ def _odd_helper(helper: bpy.types.Object, taper: bool) -> str | None:
     return None
 
 
-def surface_nets(data: bpy.types.SurfaceCurve) -> Nets:
-    """A surface object's splines."""
+def surface_nets(data: bpy.types.SurfaceCurve) -> Generator[None, None, Nets]:
+    """A surface object's splines, one a step."""
     found, degenerate = [], []
     for spline in data.splines:
         try:
             found.append(_sampled(read_surface(spline), spline))
         except Degenerate as reason:
             degenerate.append(str(reason))
+        yield
     return Nets(tuple(found), (), tuple(degenerate))
 
 
@@ -116,8 +117,8 @@ def surface_net(surface: Surface, u: Float64, v: Float64, ring: tuple[bool, bool
     return Net(surface.at(u, v), places[0], places[1], -smooth_normals(surface, u, v), material)
 
 
-def curve_nets(data: bpy.types.Curve, depsgraph: bpy.types.Depsgraph, tube: float = 0.0) -> Nets:
-    """A curve object's splines with their bevel.
+def curve_nets(data: bpy.types.Curve, depsgraph: bpy.types.Depsgraph, tube: float = 0.0) -> Generator[None, None, Nets]:
+    """A curve object's splines with their bevel, one a step.
 
     Args:
         tube: radius of the closed tube that a curve without a bevel gets, m in the object's space; 0: it shows nothing
@@ -151,6 +152,7 @@ def curve_nets(data: bpy.types.Curve, depsgraph: bpy.types.Depsgraph, tube: floa
             nets.append(swept(line, profile, factor, data.twist_mode, material))
             if (bare or data.use_fill_caps) and not path.closed:
                 ends += caps(nets[-1])
+            yield
     return Nets(tuple(nets), tuple(ends), tuple(degenerate))
 
 

@@ -2,19 +2,18 @@
 """The scene as a render sees it.
 
 Blender gives scripts a dependency graph at viewport settings only; one at render settings (subdivision levels,
-modifiers, visibility) is handed to render engines alone. So a copy of the scene is rendered with an engine that
-looks and leaves. The copy shares all objects; the scene itself, its engine, camera and last render stay untouched.
+modifiers, visibility) is handed to render engines alone. So a copy of the scene is rendered with an engine that does
+nothing, and whose data are to persist for a next render that never comes: as long the graph lives, and can be walked in
+as many steps as it takes. The copy shares all objects; the scene itself, its engine, camera and last render stay
+untouched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Generic, TypeVar
 
 import bpy
-
-T = TypeVar("T")
 
 ENGINE = "RADIOSITY_LOOK"
 RENDER_HANDLERS = (
@@ -28,42 +27,28 @@ RENDER_HANDLERS = (
 )
 
 
-class _Look(Generic[T]):
-    """One look at a dependency graph: what to do with it, and what came of it."""
-
-    def __init__(self, use: Callable[[bpy.types.Depsgraph], T]) -> None:
-        self.use = use
-        self.results: list[T] = []
-        self.failure: BaseException | None = None
-
-    def take(self, depsgraph: bpy.types.Depsgraph) -> None:
-        try:
-            self.results.append(self.use(depsgraph))
-        except BaseException as failure:  # noqa: BLE001  Blender would print it; at_render_settings raises it
-            self.failure = failure
-
-
+@contextmanager
 def at_render_settings(
-    scene: bpy.types.Scene, use: Callable[[bpy.types.Depsgraph], T], view_layer: bpy.types.ViewLayer | None = None
-) -> T:
-    """Call `use` with a dependency graph of the scene at render settings and return its result.
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer | None = None
+) -> Iterator[bpy.types.Depsgraph]:
+    """A dependency graph of the scene at render settings, evaluated once; nothing of it may be kept beyond the end.
 
-    Nothing of the graph may be kept: it is freed on return. `use` may raise; the scene is as it was in any case.
+    Meanwhile the window may be drawn, which takes other graphs, but nobody may take out what is in this one.
 
     Args:
         scene: the scene, left exactly as found
-        use: called once, from the main thread
         view_layer: one of the scene's; by default the window's if it shows this scene, else the first that renders
     """
     layer = view_layer or _shown_layer(scene)
-    look = _Look(use)
-    with _engine(look), quiet_handlers(RENDER_HANDLERS), without_render_result(), _copy_to_render(scene) as copy:
-        bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name, layer=layer.name)
-    if look.failure is not None:
-        raise look.failure
-    if not look.results:
-        raise RuntimeError(f"Blender did not evaluate view layer {layer.name!r} of scene {scene.name!r}")
-    return look.results[0]
+    with _engine() as given, _copy_to_render(scene) as copy:
+        with quiet_handlers(RENDER_HANDLERS), without_render_result():
+            bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name, layer=layer.name)
+        if not given:
+            raise RuntimeError(f"Blender did not evaluate view layer {layer.name!r} of scene {scene.name!r}")
+        try:
+            yield given[0]
+        finally:
+            copy.render.use_persistent_data = False  # frees the graph
 
 
 def _shown_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
@@ -74,22 +59,20 @@ def _shown_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 
 
 @contextmanager
-def _engine(look: _Look[T]) -> Iterator[None]:
-    def update(self: bpy.types.RenderEngine, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
-        if not look.results and look.failure is None:
-            look.take(depsgraph)
-
+def _engine() -> Iterator[list[bpy.types.Depsgraph]]:
+    """An engine for renders, and the graph that one gave it."""
+    given: list[bpy.types.Depsgraph] = []
     members = {
         "bl_idname": ENGINE,
         "bl_label": "Radiosity Scene Reader",
         "bl_use_preview": False,
-        "update": update,
+        "update": lambda self, data, depsgraph: given.append(depsgraph),
         "render": lambda self, depsgraph: None,
     }
     engine = type("RadiosityLook", (bpy.types.RenderEngine,), members)
     bpy.utils.register_class(engine)
     try:
-        yield
+        yield given
     finally:
         bpy.utils.unregister_class(engine)
 
@@ -126,7 +109,7 @@ def _copy_to_render(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
     camera = None
     try:
         render = copy.render
-        render.engine = ENGINE
+        render.engine, render.use_persistent_data = ENGINE, True
         render.resolution_x = render.resolution_y = 8
         render.resolution_percentage = 100
         render.use_border = render.use_compositing = render.use_sequencer = False

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Generator
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -21,16 +22,33 @@ vectors too, but its Cycles does not."""
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Triangles of one evaluated mesh.
+    """Triangles of one evaluated mesh, in its own space.
 
     Attributes:
         vertices: (V, 3) float64
         triangles: (F, 3) int32, into vertices
-        corner_normals: (F, 3, 3) float32
+        loop_normals: (L, 3) float32, of polygon corners
         corner: (F, 3) int32, loop of each triangle corner
         polygon: (F,) int32
         slot: (F,) int32, material index as stored
-        dropped: degenerate triangles left out
+    """
+
+    vertices: Float64
+    triangles: Int32
+    loop_normals: Float32
+    corner: Int32
+    polygon: Int32
+    slot: Int32
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Triangles of one evaluated mesh in the world, all with an area.
+
+    Attributes:
+        corner_normals: (F, 3, 3) float32, unit
+        dropped: triangles left out
+        others: as of Shape
     """
 
     vertices: Float64
@@ -39,21 +57,26 @@ class Shape:
     corner: Int32
     polygon: Int32
     slot: Int32
-    dropped: int = 0
+    dropped: int
 
 
-def read_shape(mesh: bpy.types.Mesh) -> Shape:
-    """A mesh as arrays, in its own space."""
+def read_shape(mesh: bpy.types.Mesh) -> Generator[None, None, Shape]:
+    """A mesh as arrays, in its own space; each step is one call to Blender."""
     mesh.calc_loop_triangles()
+    yield
     triangles = mesh.loop_triangles
     corner = _get(triangles, "loops", (len(triangles), 3), np.int32)
+    yield
     polygon = _get(triangles, "polygon_index", (len(triangles),), np.int32)
-    slot = _get(mesh.polygons, "material_index", (len(mesh.polygons),), np.int32)
+    yield
     normals = _get(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
+    yield
+    vertex = _of_attribute(mesh, ".corner_vert", (len(mesh.loops),), np.int32)
+    slot = _of_attribute(mesh, "material_index", (len(mesh.polygons),), np.int32)
     return Shape(
-        vertices=_get(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32).astype(np.float64),
-        triangles=_get(triangles, "vertices", (len(triangles), 3), np.int32),
-        corner_normals=normals[corner],
+        vertices=_of_attribute(mesh, "position", (len(mesh.vertices), 3), np.float32).astype(np.float64),
+        triangles=vertex[corner],
+        loop_normals=normals,
         corner=corner,
         polygon=polygon,
         slot=slot[polygon],
@@ -86,14 +109,12 @@ def has_loops_of(mesh: bpy.types.Mesh, own: bpy.types.Mesh) -> bool:
     """Whether both meshes have the same polygons of the same corners, so that a uv map of one fits the other."""
     if len(mesh.loops) != len(own.loops) or len(mesh.polygons) != len(own.polygons):
         return False
-    for part, name in (("polygons", "loop_start"), ("loops", "vertex_index")):
-        a, b = getattr(mesh, part), getattr(own, part)
-        if not np.array_equal(_get(a, name, (len(a),), np.int32), _get(b, name, (len(b),), np.int32)):
-            return False
-    return True
+    starts = [_get(each.polygons, "loop_start", (len(each.polygons),), np.int32) for each in (mesh, own)]
+    vertices = [_of_attribute(each, ".corner_vert", (len(each.loops),), np.int32) for each in (mesh, own)]
+    return np.array_equal(*starts) and np.array_equal(*vertices)
 
 
-def placed(shape: Shape, matrix: Float64) -> Shape:
+def placed(shape: Shape, matrix: Float64) -> Placed:
     """The shape in the world: a mirroring matrix turns the winding round, so that the front stays the front.
 
     Triangles without area are left out and counted.
@@ -107,17 +128,17 @@ def placed(shape: Shape, matrix: Float64) -> Shape:
     order = [0, 2, 1] if np.linalg.det(linear) < 0 else [0, 1, 2]
     if order[1] == 2:
         geometric = -geometric
-    normals = shape.corner_normals[keep][:, order] @ np.linalg.inv(linear).astype(np.float32)
+    corner = np.ascontiguousarray(shape.corner[keep][:, order])
+    normals = shape.loop_normals[corner] @ np.linalg.inv(linear).astype(np.float32)
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     defined = np.isfinite(length) & (length > 0)
     with np.errstate(invalid="ignore", divide="ignore"):
         normals = np.where(defined, normals / length, geometric[keep][:, None])
-    return replace(
-        shape,
+    return Placed(
         vertices=vertices,
         triangles=np.ascontiguousarray(shape.triangles[keep][:, order]),
         corner_normals=np.ascontiguousarray(normals, dtype=np.float32),
-        corner=np.ascontiguousarray(shape.corner[keep][:, order]),
+        corner=corner,
         polygon=shape.polygon[keep],
         slot=shape.slot[keep],
         dropped=int((~keep).sum()),
@@ -132,6 +153,17 @@ def _solid(corners: Float64) -> tuple[Bools, Float64]:
     longest = np.maximum((a**2).sum(1), np.maximum((b**2).sum(1), (c**2).sum(1)))
     keep = doubled > FLAT * longest
     return keep, cross / np.where(keep, doubled, 1)[:, None]
+
+
+def _of_attribute(mesh: bpy.types.Mesh, name: str, shape: tuple[int, ...], dtype: type) -> Floats | Int32:
+    """What Blender keeps in an attribute, which is read a hundred times faster than its elements' properties.
+
+    One that is not there is 0 all over.
+    """
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        return np.zeros(shape, dtype)
+    return _get(attribute.data, "vector" if len(shape) > 1 else "value", shape, dtype)
 
 
 def _get(items: bpy.types.bpy_prop_collection, name: str, shape: tuple[int, ...], dtype: type) -> Floats | Int32:

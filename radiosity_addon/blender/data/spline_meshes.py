@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ...arrays import Float32, Float64, Int32
-from ...curves.patchwork import Patchwork, patchwork
+from ...curves.patchwork import Patchwork, face_of_cap, faces_of_net, joined
 from ...curves.strands import tubes
 from ...curves.unrolling import unroll
 from .curves import Nets, curve_nets, left_to_blender, profiles, surface_nets
@@ -45,20 +45,21 @@ class SplineMeshes:
         self.depsgraph = depsgraph
         self.made: dict[tuple[str, float], SplineMesh | None] = {}
 
-    def of(self, thing: bpy.types.Object) -> SplineMesh | None:
-        """That of an evaluated object, the same for all that share its data; None where it is to be taken as it is."""
+    def of(self, thing: bpy.types.Object) -> Generator[None, None, SplineMesh | None]:
+        """That of an evaluated object, in steps, one for all that share its data; None: it is to be taken as it is."""
         if thing.type == "CURVES":
-            return self._kept(("", float(thing.data.as_pointer())), lambda: hair_mesh(thing))
+            key = "", float(thing.data.as_pointer())
+            if key not in self.made:
+                self.made[key] = hair_mesh(thing)
+            return self.made[key]
         original = thing.original
         if original.type not in ("CURVE", "SURFACE"):
             return None
         if left_to_blender(original.evaluated_get(self.depsgraph), self.depsgraph) is not None:
             return None
-        return self._kept((original.data.name_full, _tube(original)), lambda: spline_mesh(original, self.depsgraph))
-
-    def _kept(self, key: tuple[str, float], make: Callable[[], SplineMesh | None]) -> SplineMesh | None:
+        key = original.data.name_full, _tube(original)
         if key not in self.made:
-            self.made[key] = make()
+            self.made[key] = yield from spline_mesh(original, self.depsgraph)
         return self.made[key]
 
     def remove(self) -> None:
@@ -94,17 +95,22 @@ def is_bare_tube(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> 
     return left_to_blender(evaluated, depsgraph) is None and not profiles(evaluated.data, depsgraph)
 
 
-def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SplineMesh | None:
-    """A new mesh datablock of an object's splines; None where it has none or is left to Blender."""
+def spline_mesh(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Generator[None, None, SplineMesh | None]:
+    """A new mesh datablock of an object's splines, in steps; None where it has none or is left to Blender."""
     if original.type not in ("CURVE", "SURFACE"):
         return None
     thing = original.evaluated_get(depsgraph)
     if left_to_blender(thing, depsgraph) is not None:
         return None
-    nets = surface_nets(thing.data) if thing.type == "SURFACE" else curve_nets(thing.data, depsgraph, _tube(original))
+    surface = thing.type == "SURFACE"
+    nets = yield from surface_nets(thing.data) if surface else curve_nets(thing.data, depsgraph, _tube(original))
     if not nets.nets:
         return SplineMesh(bpy.data.meshes.new(original.data.name), nets) if nets.degenerate else None
-    faces = patchwork(nets.nets, nets.caps)
+    parts = []
+    for net in nets.nets:
+        parts.append(faces_of_net(net))
+        yield
+    faces = joined([*parts, *map(face_of_cap, nets.caps)])
     return SplineMesh(_filled(original.data.name, faces, thing.data), nets, faces)
 
 

@@ -8,13 +8,14 @@ different ways needs several uv maps. Such an object is kept, hidden, and its ev
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import TypeAlias
 
 import bpy
 import numpy as np
 
+from .evaluation import at_render_settings
 from .names import BAKE_KEY, HIDDEN_KEY, KEYS, STAND_IN_KEY, is_behind_stand_in, is_stand_in, original_material
 from .spline_meshes import spline_mesh
 
@@ -42,19 +43,19 @@ class MeshPool:
         self.token = token
         self._made: dict[Common, bpy.types.Mesh] = {}
 
-    def of(self, thing: bpy.types.Object, common: Common | None) -> bpy.types.Mesh:
-        """The mesh of an evaluated object; what is as it is `rendered` is in common for want of anything else."""
+    def of(self, thing: bpy.types.Object, common: Common | None) -> Generator[None, None, bpy.types.Mesh]:
+        """The mesh of an evaluated object, in steps; "rendered" is in common, for want of more, what is so alike."""
         key = common or ("rendered", thing.data.as_pointer())
         if key not in self._made:
-            self._made[key] = self._copy(thing)
+            self._made[key] = yield from self._copy(thing)
         return self._made[key]
 
-    def _copy(self, thing: bpy.types.Object) -> bpy.types.Mesh:
+    def _copy(self, thing: bpy.types.Object) -> Generator[None, None, bpy.types.Mesh]:
         original = thing.original
         evaluated = original.evaluated_get(self.depsgraph)
         made_by_nodes = thing.type == "MESH" and thing.data != evaluated.data  # it belongs to no object
         materials = materials_of(thing)
-        splines = spline_mesh(original, self.depsgraph)
+        splines = yield from spline_mesh(original, self.depsgraph)
         if splines is not None:
             mesh = splines.mesh
         elif made_by_nodes:
@@ -93,13 +94,15 @@ def dress(stand_in: bpy.types.Object, materials: Sequence[bpy.types.Material | N
             slot.link, slot.material = "OBJECT", material
 
 
-def make_stand_in(original: bpy.types.Object, pool: MeshPool, common: Common | None) -> bpy.types.Object:
+def make_stand_in(
+    original: bpy.types.Object, pool: MeshPool, common: Common | None
+) -> Generator[None, None, bpy.types.Object]:
     """An object that shows the original as a pool's depsgraph has it, materials included, in no collection yet.
 
     It follows the original by a constraint: a matrix of its own could not hold a shear that comes from parents.
     """
     evaluated = original.evaluated_get(pool.depsgraph)
-    stand_in = bpy.data.objects.new(original.name, pool.of(evaluated, common))
+    stand_in = bpy.data.objects.new(original.name, (yield from pool.of(evaluated, common)))
     stand_in[BAKE_KEY] = pool.token
     stand_in[STAND_IN_KEY] = original
     for name, value in carried_properties(original).items():
@@ -193,6 +196,15 @@ def as_unbaked(scene: bpy.types.Scene) -> Iterator[None]:
         for thing, visibility in before:
             for name, shown in visibility.items():
                 setattr(thing, name, shown)
+
+
+@contextmanager
+def as_rendered_unbaked(scene: bpy.types.Scene) -> Iterator[bpy.types.Depsgraph]:
+    """A graph at render settings as of a scene that was never baked, while the scene itself shows its bake."""
+    with ExitStack() as stack:
+        with as_unbaked(scene):
+            depsgraph = stack.enter_context(at_render_settings(scene))
+        yield depsgraph
 
 
 def collections_of(original: bpy.types.Object) -> list[bpy.types.Collection]:

@@ -18,6 +18,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...arrays import Float32, Float64
+from ...chunks import finish
 from ...errors import SceneError
 from ..data.evaluation import at_render_settings
 from ..data.instances import is_instance
@@ -78,7 +79,8 @@ def lit_set(scene: bpy.types.Scene) -> Iterator[LitSet]:
         render.resolution_x, render.resolution_y = seen_by.resolution_x, seen_by.resolution_y
         render.pixel_aspect_x, render.pixel_aspect_y = seen_by.pixel_aspect_x, seen_by.pixel_aspect_y
         materials = PbrMaterials(token)
-        parts = at_render_settings(scene, lambda depsgraph: _Building(scene, depsgraph, token, materials).build())
+        with at_render_settings(scene) as depsgraph:
+            parts = _Building(scene, depsgraph, token, materials).build()
         for part in parts:
             stage.collection.objects.link(part.thing)
         yield LitSet(scene.name, stage, parts, materials)
@@ -121,7 +123,7 @@ class _Building:
     def _surface(self, item: bpy.types.DepsgraphObjectInstance) -> list[Part]:
         thing, original = item.object, item.object.original
         source = original.get(STAND_IN_KEY) or original
-        mesh = self.pool.of(thing, None)
+        mesh = finish(self.pool.of(thing, None))
         if original.get(BAKE_KEY) != self.bake or PAGE_KEY not in original:
             return [self._dressed(item, mesh, source)]
         back, place = original.get(BACK_PAGE_KEY), original.get(PLACE_KEY)

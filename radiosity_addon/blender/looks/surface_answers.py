@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass
 
 import bpy
@@ -45,8 +45,8 @@ class SurfaceAnswers:
         mesh: bpy.types.Mesh,
         depsgraph: bpy.types.Depsgraph,
         kept: dict[Input, Float32],
-    ) -> SurfaceAnswers:
-        """What a rendered surface answers; what it does not have is 0, as Cycles takes it.
+    ) -> Generator[None, None, SurfaceAnswers]:
+        """What a rendered surface answers, in steps; what it does not have is 0, as Cycles takes it.
 
         Args:
             kept: answers of the mesh, the same for all that show it; new ones are added
@@ -58,6 +58,7 @@ class SurfaceAnswers:
             values[asked] = _read(asked, item, mesh, depsgraph)
             if asked.kind in OF_MESHES:
                 kept[asked] = values[asked]
+            yield
         return cls(
             values=values,
             matrix=np.array(item.matrix_world, np.float64),

@@ -8,13 +8,11 @@ from collections.abc import Callable, Collection, Generator, Sequence
 from functools import partial
 
 import bpy
-import numpy as np
 
 from ...arrays import Float32
 from ...chunks import finish
 from ...errors import SceneError, raise_together
 from ...scene import Mesh, Scene
-from ..data.evaluation import at_render_settings
 from ..data.instances import RAYS, instance_index, is_instance, settings_of
 from ..data.names import is_stand_in
 from ..data.preflight import (
@@ -29,7 +27,7 @@ from ..data.preflight import (
 from ..data.shapes import Shape, has_loops_of, read_shape, read_uv
 from ..data.shared_shapes import SharedShapes
 from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube
-from ..data.stand_in import as_unbaked
+from ..data.stand_in import as_rendered_unbaked
 from ..data.working_space import working_space
 from ..looks.surface_answers import SurfaceAnswers
 from ..looks.surface_inputs import Input
@@ -71,18 +69,21 @@ def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> G
     for thing in scene.objects:
         if thing.mode == "EDIT":
             thing.update_from_editmode()
-    with as_unbaked(scene):
-        reading = at_render_settings(scene, lambda depsgraph: Reading(scene, depsgraph, only))
+    with as_rendered_unbaked(scene) as depsgraph:
+        yield
+        reading = Reading(scene, depsgraph, only)
+        yield from reading.look(scene)
     yield from reading.lights.render_world(scene)
     return reading
 
 
 class Reading:
-    """All that is rendered, as one look at a dependency graph has it. A world that is to be rendered is not in it."""
+    """What is rendered, as a dependency graph has it. A world that is to be rendered is not in it."""
 
     def __init__(
         self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, only: Collection[str] | None = None
     ) -> None:
+        self.depsgraph = depsgraph
         self.name = scene.name
         self.only = only
         self.notes = Notes()
@@ -98,14 +99,19 @@ class Reading:
         self.triangles = 0
         self.errors: list[SceneError] = []
         self.working_space = working_space()
+        self.unseen: dict[str, str] = {}
+
+    def look(self, scene: bpy.types.Scene) -> Generator[None, None, None]:
+        """Take all into the records, in steps as short as one call to Blender or a spline."""
         seen = set()
         try:
-            for item in depsgraph.object_instances:
+            for item in self.depsgraph.object_instances:
                 seen.add(item.object.original.name_full)
                 try:
-                    self.read(item, depsgraph)
+                    yield from self.read(item)
                 except SceneError as error:  # all that stops a bake is told at once
                     self.errors.append(error)
+                yield
                 if len(self.errors) > MOST_ERRORS:
                     break
         finally:
@@ -176,7 +182,7 @@ class Reading:
         self.skipped[name] = reason
         self.notes.warn(LEFT_OUT.format(name, reason))
 
-    def read(self, item: bpy.types.DepsgraphObjectInstance, depsgraph: bpy.types.Depsgraph) -> None:
+    def read(self, item: bpy.types.DepsgraphObjectInstance) -> Generator[None, None, None]:
         """Take one object or instance into the records."""
         thing, original = item.object, item.object.original
         if is_stand_in(original):
@@ -191,7 +197,7 @@ class Reading:
         if thing.type == "LIGHT":
             self.lights.read_lamp(thing, finite_matrix(item))
             return
-        if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, depsgraph):
+        if thing.type not in ("MESH", "CURVES") and not is_bare_tube(original, self.depsgraph):
             if thing.type in ("POINTCLOUD", "VOLUME", "GREASEPENCIL", "GPENCIL"):
                 self.skipped.setdefault(thing.name, f"{thing.type.lower()} objects are not read")
             return
@@ -200,7 +206,7 @@ class Reading:
             self.skipped[thing.name] = "excluded from the bake"
             return
         try:
-            self.read_surface(item, instanced, settings, depsgraph)
+            yield from self.read_surface(item, instanced, settings)
         except Skip as reason:
             self.skip(thing.name, str(reason))
 
@@ -209,10 +215,9 @@ class Reading:
         item: bpy.types.DepsgraphObjectInstance,
         instanced: bool,
         settings: bpy.types.PropertyGroup | None,
-        depsgraph: bpy.types.Depsgraph,
-    ) -> None:
+    ) -> Generator[None, None, None]:
         thing, original, matrix = item.object, item.object.original, finite_matrix(item)
-        splines = self.splines.of(thing)
+        splines = yield from self.splines.of(thing)
         mesh: bpy.types.Mesh
         if splines is not None:
             mesh = splines.mesh
@@ -234,7 +239,7 @@ class Reading:
             check_can_stand_in(item.parent.original, original, mesh)
         elif lightmapped:
             check_can_carry(original)
-        shape = self.shape(mesh, keep=shared)
+        shape = yield from self.shape(mesh, keep=shared)
         self.triangles += len(shape.triangles)
         check_memory(thing.name, self.triangles)
         slots = [slot.material for slot in thing.material_slots]
@@ -243,7 +248,7 @@ class Reading:
         asking, answers = self.materials.asking(material, shape.slot), None
         if asking:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
-            answers = SurfaceAnswers.of(asking, item, mesh, depsgraph, kept)
+            answers = yield from SurfaceAnswers.of(asking, item, mesh, self.depsgraph, kept)
         uv = kept_uv(mesh, thing.name, settings) if lightmapped else None
         unrolls = lightmapped and uv is None and splines is not None and splines.faces is not None
         uv_map, page_group = (getattr(settings, name, "") for name in ("uv_map", "page_group"))
@@ -302,15 +307,13 @@ class Reading:
             return True
         return False
 
-    def shape(self, mesh: bpy.types.Mesh, keep: bool) -> Shape:
+    def shape(self, mesh: bpy.types.Mesh, keep: bool) -> Generator[None, None, Shape]:
         """A mesh's arrays; those of shared meshes are kept for the next time."""
         shape = self.shapes.get(mesh.as_pointer()) if keep else None
         if shape is None:
-            shape = read_shape(mesh)
+            shape = yield from read_shape(mesh)
             if keep:
                 self.shapes[mesh.as_pointer()] = shape
-        if not np.isfinite(shape.vertices).all():
-            raise Skip("it has vertices that are not finite numbers")
         return shape
 
 

@@ -63,9 +63,11 @@ class SurfaceRecords:
         """Bring a surface to its place.
 
         Raises:
-            Skip: nothing of it has an area
+            Skip: it has vertices that are nowhere, or nothing of it has an area
             SceneError: it is too far out
         """
+        if not np.isfinite(found.shape.vertices).all():
+            raise Skip("it has vertices that are not finite numbers")
         shape = placed(found.shape, found.matrix)
         check_size(found.name, shape.vertices)
         if not len(shape.triangles):

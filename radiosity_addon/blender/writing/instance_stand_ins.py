@@ -8,7 +8,7 @@ their materials and their place on a page. They follow the instancer as a whole,
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Generator, Mapping
 from dataclasses import dataclass, field
 
 import bpy
@@ -70,9 +70,11 @@ class Replacement:
             base = matrix.inverted()
         return cls(instancer, anchor, base)
 
-    def add(self, item: bpy.types.DepsgraphObjectInstance, pool: MeshPool, common: Common | None) -> None:
+    def add(
+        self, item: bpy.types.DepsgraphObjectInstance, pool: MeshPool, common: Common | None
+    ) -> Generator[None, None, None]:
         """Show an instance by a new object."""
-        stand_in = _stand_in(item, pool, common)
+        stand_in = yield from _stand_in(item, pool, common)
         stand_in.parent = self.anchor
         stand_in.matrix_basis = Matrix()
         stand_in.matrix_parent_inverse = self.base @ item.matrix_world  # it alone can hold a shear
@@ -111,8 +113,8 @@ def replace_instancers(
     baked: Collection[bpy.types.Object],
     commons: Mapping[Key, Common],
     pool: MeshPool,
-) -> list[Replacement]:
-    """What will be shown in place of these objects of the scene, in no collection yet.
+) -> Generator[None, None, list[Replacement]]:
+    """What will be shown in place of these objects of the scene, in no collection yet; in steps.
 
     Args:
         depsgraph: at render settings
@@ -131,20 +133,23 @@ def replace_instancers(
         has_faces = is_bare_tube(thing.original, depsgraph) or (thing.type == "MESH" and len(thing.data.polygons) > 0)
         if not is_instance(item):
             if has_faces and thing.original not in baked:
-                surfaces[maker.original.name] = make_stand_in(thing.original, pool, None)
+                surfaces[maker.original.name] = yield from make_stand_in(thing.original, pool, None)
         elif has_faces or thing.type in WITHOUT_SURFACE:
             if maker.original.name not in found:
                 found[maker.original.name] = Replacement.of(maker.original, maker.matrix_world.copy(), pool.token)
-            found[maker.original.name].add(item, pool, commons.get(key_of(item)))
+            yield from found[maker.original.name].add(item, pool, commons.get(key_of(item)))
+            yield
     for name, replacement in found.items():
         replacement.surface = surfaces.get(name)
     return list(found.values())
 
 
-def _stand_in(item: bpy.types.DepsgraphObjectInstance, pool: MeshPool, common: Common | None) -> bpy.types.Object:
+def _stand_in(
+    item: bpy.types.DepsgraphObjectInstance, pool: MeshPool, common: Common | None
+) -> Generator[None, None, bpy.types.Object]:
     thing, original, instancer = item.object, item.object.original, item.parent
     if thing.type in ("MESH", "CURVE"):
-        stand_in = bpy.data.objects.new(original.name, pool.of(thing, common))
+        stand_in = bpy.data.objects.new(original.name, (yield from pool.of(thing, common)))
         dress(stand_in, materials_of(thing))
         for key, value in (carried_properties(instancer.original) | carried_properties(original)).items():
             stand_in[key] = value

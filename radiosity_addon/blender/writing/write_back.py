@@ -22,7 +22,6 @@ from ...errors import SceneError
 from ...geometry.sides import TURNED, backs_of
 from ...pages.page_format import Recipe
 from ...scene import Mesh, Scene
-from ..data.evaluation import at_render_settings
 from ..data.instances import Key
 from ..data.names import (
     BACK_PAGE_KEY,
@@ -38,7 +37,7 @@ from ..data.names import (
     has_our_uv_map,
 )
 from ..data.preflight import check_can_carry
-from ..data.stand_in import Common, MeshPool, as_unbaked, make_stand_in, swap_in
+from ..data.stand_in import Common, MeshPool, as_rendered_unbaked, make_stand_in, swap_in
 from ..data.working_space import working_space
 from ..looks.surface_inputs import OF_STAND_INS, property_of
 from ..reading.extraction import Extraction, Source
@@ -139,7 +138,7 @@ def write_back(
     """
     leave_edit_mode(scene)
     before, sliders = scene.get(BAKE_KEY), sliders_of(scene)
-    places = _find_places(extraction, atlas, before)
+    places = yield from _find_places(extraction, atlas, before)
     token = uuid.uuid4().hex
     try:
         recipe = recipe or Recipe("exr", working_space())
@@ -148,8 +147,7 @@ def write_back(
             images.append(load_page(path, page, token, recipe, pack=pack))
             yield
         mix = (yield from load_mix(apart, token, pack=pack)) if apart and mode == "preview" else None
-        replacements = _make_stand_ins(scene, places, extraction, token)
-        yield
+        replacements = yield from _make_stand_ins(scene, places, extraction, token)
         previews = PreviewMaterials(token, images, mix)
         if mode == "preview" and not before:  # what is made while an earlier bake is there has to take other names
             for place in places:
@@ -181,7 +179,7 @@ def leave_edit_mode(scene: bpy.types.Scene) -> None:
                 bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> list[_Place]:
+def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> Generator[None, None, list[_Place]]:
     places = []
     may_own: dict[bpy.types.Mesh, list[_Place]] = {}
     backs = backs_of(extraction.scene.meshes)
@@ -198,6 +196,7 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> li
         common = ("mesh", index) if place is None else ("shape", mesh.shape)
         group = _group_of(mesh, extraction.scene)
         places.append(_Place(thing, source, index, int(atlas.page[index]), common, uv, place, back, group))
+        yield
         if source.instancer:
             continue
         check_can_carry(thing)
@@ -248,7 +247,7 @@ def _what(image: bpy.types.Image) -> tuple[int, str | None]:
 
 def _make_stand_ins(
     scene: bpy.types.Scene, places: list[_Place], extraction: Extraction, token: str
-) -> list[Replacement]:
+) -> Generator[None, None, list[Replacement]]:
     """Make the stand-in of every place that needs one, in no collection yet, and what takes the place of instancers.
 
     An instancer is replaced if some of its instances have places, or show an object that will show its own place.
@@ -268,16 +267,14 @@ def _make_stand_ins(
     if not replaced and all(place.own_mesh for place in places):
         return []
 
-    def make(depsgraph: bpy.types.Depsgraph) -> list[Replacement]:
+    with as_rendered_unbaked(scene) as depsgraph:
         pool = MeshPool(depsgraph, token)
         for place in real.values():
             if not place.own_mesh:
-                place.target = make_stand_in(place.source, pool, place.common)
+                place.target = yield from make_stand_in(place.source, pool, place.common)
+                yield
         commons = {key: same[0].common for key, same in wanted.items()}
-        return replace_instancers(depsgraph, replaced, real, commons, pool)
-
-    with as_unbaked(scene):
-        replacements = at_render_settings(scene, make)
+        replacements = yield from replace_instancers(depsgraph, replaced, real, commons, pool)
     for replacement in replacements:
         for key, stand_in in replacement.stand_ins:
             if wanted.get(key):
@@ -294,6 +291,7 @@ def _make_stand_ins(
             _check_corners(place.source, place.target.data, place.uv)
             _write_uvs(place, token)
             written.add(place.target.data)
+            yield
     return replacements
 
 
