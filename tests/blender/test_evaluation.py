@@ -50,3 +50,17 @@ def test_the_last_render_is_kept(tmp_path):
         pass
     bpy.data.images["Render Result"].save_render(str(tmp_path / "kept.png"))
     assert tuple(bpy.data.images.load(str(tmp_path / "kept.png")).size) == (24, 16)
+
+
+def test_a_graph_at_render_settings_outlives_what_the_window_evaluates_meanwhile():
+    for name in ("One", "Other"):
+        add_cube(name).modifiers.new("Fine", "SUBSURF").render_levels = 2
+    faces = {}
+    with at_render_settings(bpy.context.scene) as depsgraph:
+        for item in depsgraph.object_instances:
+            if item.object.type == "MESH":
+                faces[item.object.name] = len(item.object.data.polygons)
+            add_cube("Later")
+            bpy.context.view_layer.update()
+    assert faces == {"One": 6 * 4**2, "Other": 6 * 4**2}
+    assert len(bpy.data.scenes) == 1

@@ -52,6 +52,14 @@ def test_a_scene_was_read_in_one_look_whatever_becomes_of_it_while_records_are_m
         assert np.array_equal(one.material, other.material)
 
 
+def test_no_step_reads_more_than_one_object():
+    for index in range(4):
+        add_cube(f"Cube {index}")
+    before = len(list(read_scene(bpy.context.scene)))
+    add_cube("One more")
+    assert len(list(read_scene(bpy.context.scene))) > before
+
+
 @pytest.mark.parametrize("scale", [(1, 1, 1), (-1, 1, 1), (1, -2, 0.5), (-1, -1, -1), (3, 1, 0.2)])
 def test_winding_and_normals_point_out_of_a_cube_at_any_scale(scale):
     add_cube(scale=scale, rotation_euler=(0.1, 0.2, 0.3))
