@@ -88,6 +88,7 @@ def state() -> dict[str, Any]:
         "report": json.loads(scene["radiosity_report"]["report"]) if "radiosity_report" in scene else None,
         "active": thing.name if (thing := scene.view_layers[0].objects.active) else "",
         "last": operators[-1].bl_idname if (operators := bpy.context.window_manager.operators) else "",
+        "search": area("PROPERTIES").spaces.active.search_filter,
         "mix": [group.strength for group in scene.radiosity_mix],
         "uv_maps": sum("Radiosity" in mesh.uv_layers for mesh in bpy.data.meshes),
         "images": [image.name for image in bpy.data.images if image.is_float],

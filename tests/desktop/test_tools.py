@@ -103,6 +103,24 @@ def test_an_overlay_gives_way_to_the_original_and_comes_back_with_the_bake(
     assert returned(window.view(unlike=judged), baked, judged)
 
 
+def test_check_names_what_is_not_rendered_and_its_button_selects_it(window: Window, baked: np.ndarray) -> None:
+    assert window.ask("state")["active"] != "Forgotten"
+    window.click_button("bpy.ops.radiosity.check(")
+    window.until(lambda: window.ask("state")["last"] == "RADIOSITY_OT_check", "the scene is checked")
+    window.click_button('bpy.ops.radiosity.select(name="Forgotten"')
+    window.until(lambda: window.ask("state")["active"] == "Forgotten", "the object is selected")
+    window.picture("checked")
+
+
+def test_export_is_found_by_its_name_and_writes_files(window: Window, baked: np.ndarray, blend: Path) -> None:
+    window.search("export lightmaps")
+    window.click(*window.scroll_to_button("bpy.ops.radiosity.export(", "properties"))
+    folder = blend.with_name(f"{blend.stem}_export")
+    window.until(lambda: list(folder.glob("*.glb")), "the files are written")
+    window.picture("exported")
+    assert sorted(path.suffix for path in folder.iterdir()) == [".exr", ".glb", ".json"]
+
+
 def returned(view: np.ndarray, to: np.ndarray, away: np.ndarray) -> bool:
     """Whether a view shows again what it did, as seen from how far it was away: edges of shadows are sampled anew."""
 

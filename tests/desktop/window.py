@@ -43,7 +43,9 @@ LEAST_BUTTON = 12
 SAME = 0.5
 """Mean difference of pixels, of 255, of two pictures that show the same: EEVEE samples anew each time."""
 LEAST_MARGIN = 4
-"""Pixels of a button above and below what is written on it."""
+"""Pixels of a button above and below what is written on it, and beside it."""
+SCROLLED = 5
+"""Clicks of the mouse wheel from one look to the next."""
 NOWHERE = ((3, 997), (700, 600))
 """Places without buttons, in the status bar and in the 3D view."""
 
@@ -159,6 +161,27 @@ class Window:
         x, y = self.until(lambda: self.button(operator, place), f"a button for {operator} is in the {place}")
         self.click(x, y)
 
+    def search(self, text: str) -> None:
+        """Have the properties show what has this text, by Ctrl F, the mouse over them."""
+        left, top, right, bottom = self.ask("place", "properties")
+        self.hands("mousemove", (left + right) // 2, (top + bottom) // 2)
+        self.press("ctrl+f")
+        self.hands("type", text)
+        self.press("Return")
+        self.until(lambda: self.ask("state")["search"] == text, "the properties are searched")
+
+    def scroll_to_button(self, operator: str, place: str) -> tuple[int, int]:
+        """Turn the mouse wheel until the button of an operator is in sight, and the mouse over it."""
+
+        def seen() -> tuple[int, int] | None:
+            found = self.button(operator, place)
+            if found is None:
+                left, top, right, bottom = self.ask("place", place)
+                self.hands("mousemove", (left + right) // 2, (top + bottom) // 2, *["click", 5] * SCROLLED)
+            return found
+
+        return self.until(seen, f"a button for {operator} is in the {place}")
+
     def set_slider(self, setting: str, text: str) -> None:
         """Type into the slider of a setting in the sidebar, the mouse over it."""
         self.until(lambda: self.slider(setting), f"a slider for {setting} is in the sidebar")
@@ -239,7 +262,7 @@ def rectangles(mask: np.ndarray) -> list[tuple[int, int]]:
     """Centres (x, y) of the filled rectangles of a mask, row by row; what is written on them may leave holes."""
     return [
         ((left + right) // 2, (top + bottom) // 2)
-        for top, bottom in spans(mask.sum(axis=1) >= LEAST_BUTTON)
+        for top, bottom in spans(mask.sum(axis=1) >= LEAST_MARGIN)
         for left, right in spans(mask[top:bottom].sum(axis=0) >= LEAST_MARGIN)
     ]
 

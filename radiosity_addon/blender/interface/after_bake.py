@@ -83,7 +83,25 @@ class RADIOSITY_OT_show_report(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (RADIOSITY_OT_toggle, RADIOSITY_OT_revert, RADIOSITY_OT_show_report)
+class RADIOSITY_OT_see(OfBakedScene, bpy.types.Operator):
+    """Let this 3D view show materials, with the world, the lamps and the exposure of the scene"""
+
+    bl_idname = "radiosity.see"
+    bl_label = "See It in Material Preview"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and isinstance(context.space_data, bpy.types.SpaceView3D)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        shading = context.space_data.shading
+        shading.type = "MATERIAL"
+        shading.use_scene_lights = shading.use_scene_world = True
+        return {"FINISHED"}
+
+
+CLASSES = (RADIOSITY_OT_toggle, RADIOSITY_OT_revert, RADIOSITY_OT_show_report, RADIOSITY_OT_see)
 
 
 def register() -> None:

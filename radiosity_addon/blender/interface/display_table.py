@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a scene's view settings show light, as a table: exposure, AgX, Filmic or whatever is chosen."""
+"""How a scene's view settings show light: exposure, and as a table AgX, Filmic or whatever is chosen."""
 
 from __future__ import annotations
 
@@ -15,13 +15,23 @@ EDGE = 32
 """Entries along an axis of the table."""
 
 DARKEST, BRIGHTEST = -9.0, 7.0
-"""Powers of two of radiance at its first and last entries: half a stop from one to the next."""
+"""Powers of two of exposed radiance at its first and last entries: half a stop from one to the next."""
+
+SHOW_MATERIALS = ("MATERIAL", "RENDERED")
+"""Shadings of a 3D view in which a bake is seen."""
+
+
+def is_exposed(shading: bpy.types.View3DShading) -> bool:
+    """Whether Blender shows the scene's exposure in a 3D view: not where neither its lamps nor its world light it."""
+    if shading.type == "MATERIAL":
+        return shading.use_scene_lights or shading.use_scene_world
+    return shading.type == "RENDERED" and (shading.use_scene_lights_render or shading.use_scene_world_render)
 
 
 def display_table(scene: bpy.types.Scene) -> Float32:
     """Colours (EDGE, EDGE, EDGE, 3) as the display takes them, 0..1; blue rises along the first axis, red the last.
 
-    Radiance of powers of two, evenly from DARKEST to BRIGHTEST, is shown. The scene is left as found.
+    Radiance of powers of two, evenly from DARKEST to BRIGHTEST, is shown without exposure. The scene is left as found.
     """
     level = np.exp2(np.linspace(DARKEST, BRIGHTEST, EDGE, dtype=np.float32))
     pixels = np.ones((EDGE, EDGE, EDGE, 4), np.float32)
@@ -29,6 +39,7 @@ def display_table(scene: bpy.types.Scene) -> Float32:
     copy = scene.copy()
     images = []
     try:
+        copy.view_settings.exposure = 0.0
         settings = copy.render.image_settings
         if hasattr(settings, "media_type"):  # from 5.0; it decides which formats there are
             settings.media_type = "IMAGE"

@@ -17,7 +17,7 @@ from mathutils import Matrix
 
 from ...arrays import Bools, Float32
 from ...viewing import LitPages, LitVertices, View
-from .display_table import BRIGHTEST, DARKEST, EDGE
+from .display_table import BRIGHTEST, DARKEST, EDGE, SHOW_MATERIALS, is_exposed
 
 NEARER = 1e-3
 """Share of its distance by which what is drawn lies before the surfaces that it covers."""
@@ -35,9 +35,13 @@ void main() {
 FRAGMENT = """
 void main() {
     vec3 radiance = %s;
-    vec3 level = (log2(max(radiance, vec3(1e-9))) - darkest) / (brightest - darkest);
+    vec3 level = (log2(max(gain * radiance, vec3(1e-9))) - darkest) / (brightest - darkest);
     vec3 entry = (clamp(level, 0.0, 1.0) * (edge - 1.0) + 0.5) / edge;
-    shown = vec4(texture(display, entry).rgb, 1.0);
+    vec3 color = texture(display, entry).rgb;
+    if (srgbTarget) {  // it encodes what is written
+        color = mix(color / 12.92, pow((color + 0.055) / 1.055, vec3(2.4)), step(vec3(0.04045), color));
+    }
+    shown = vec4(color, 1.0);
 }
 """
 
@@ -102,11 +106,12 @@ class LiveView:
         gpu.state.depth_mask_set(True)
         gpu.state.face_culling_set("BACK")
         try:
-            projection = _projection(bpy.context.region_data)
+            projection, gain = _projection(bpy.context.region_data), _gain(bpy.context)
             for _, batch, texture in self._batches:
                 shader = self._shaders[texture is not None]
                 shader.bind()
                 shader.uniform_float("projection", projection)
+                shader.uniform_float("gain", gain)
                 shader.uniform_sampler("display", self._display)
                 if texture is not None:
                     shader.uniform_sampler("page", texture)
@@ -152,6 +157,13 @@ def _projection(region: bpy.types.RegionView3D) -> Matrix:
     return window @ region.view_matrix
 
 
+def _gain(context: bpy.types.Context) -> float:
+    """The exposure with which the baked light will be seen, in the view or once it shows materials."""
+    shading = context.space_data.shading
+    seen = is_exposed(shading) or shading.type not in SHOW_MATERIALS
+    return 2.0**context.scene.view_settings.exposure if seen else 1.0
+
+
 def _of_vertices(view: LitVertices, visible: Bools) -> Pieces:
     corners = view.pieces[visible[view.mesh]].reshape(-1)
     return [({"position": view.position[corners], "given": view.radiance[corners]}, None)]
@@ -179,6 +191,8 @@ def _shader(paged: bool) -> gpu.types.GPUShader:
     between.smooth(kind, "passed")
     info: Any = gpu.types.GPUShaderCreateInfo()
     info.push_constant("MAT4", "projection")
+    info.push_constant("FLOAT", "gain")
+    info.push_constant("BOOL", "srgbTarget")  # Blender sets it
     info.define("darkest", str(DARKEST))
     info.define("brightest", str(BRIGHTEST))
     info.define("edge", str(float(EDGE)))

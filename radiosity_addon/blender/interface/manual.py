@@ -77,6 +77,7 @@ OPERATORS = {
     "revert": "bake.md#revert",
     "toggle": "bake.md#show-original",
     "preset_add": "bake.md#presets",
+    "see": "bake.md#see-it-in-material-preview",
     "check": "check.md#check-scene",
     "select": "check.md#select-object",
     "flip": "check.md#flip-normals",

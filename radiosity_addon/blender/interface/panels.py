@@ -16,6 +16,7 @@ from ..data.names import REPORT_KEY, is_baked
 from ..last_bake import summary, warnings
 from ..reading.inspection import subject_of
 from ..writing.originals import shows_originals
+from .display_table import SHOW_MATERIALS
 from .presets import RADIOSITY_PT_presets
 from .running import Running
 from .scene_check import Checked, expected
@@ -26,8 +27,6 @@ MOST_FINDINGS = 12
 """Findings in the panel; the command line's `info` lists them all."""
 LETTER = 0.56
 """Mean width of a letter, as a share of the font's size."""
-WITHOUT_MATERIALS = ("WIREFRAME", "SOLID")
-"""Shadings of a 3D view in which no bake is seen."""
 BESIDE_TEXT, BUTTON = 64, 24
 """Pixels, at scale 1, beside the lines of a text: margins, tabs, an icon; and for each button."""
 
@@ -169,10 +168,8 @@ class RADIOSITY_PT_sidebar(MainPanel, SidebarPanel, bpy.types.Panel):
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         super().draw_in(layout, context)
         shading = context.space_data.shading
-        if is_baked(context.scene) and Running.progress is None and shading.type in WITHOUT_MATERIALS:
-            row = layout.row()
-            row.use_property_split = False
-            row.prop_enum(shading, "type", "MATERIAL", text="See It in Material Preview")
+        if is_baked(context.scene) and Running.progress is None and shading.type not in SHOW_MATERIALS:
+            layout.operator("radiosity.see", icon="SHADING_TEXTURE")
 
 
 class CheckPanel:

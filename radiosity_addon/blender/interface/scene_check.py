@@ -11,6 +11,7 @@ from bpy.props import StringProperty
 
 from ...errors import explained
 from ...estimate import Estimate, estimate
+from ...reports.report import count_of
 from ..data.names import BAKE_KEY
 from ..last_bake import pace
 from ..reading.inspection import Inspection, inspect
@@ -81,7 +82,7 @@ class RADIOSITY_OT_check(bpy.types.Operator):
         context.view_layer.update()
         Checked.keep(scene, inspection)
         count = sum(finding.severity != "info" for finding in inspection.findings)
-        self.report({"INFO"}, f"{count} things to look at" if count != 1 else "1 thing to look at")
+        self.report({"INFO"}, f"{count_of(count, 'thing')} to look at" if count else "Nothing looks wrong")
         return {"FINISHED"}
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
+from ..interface.display_table import SHOW_MATERIALS, is_exposed
 from ..interface.running import Running
 from .overlay_data import Density, Pages, missing
 from .overlay_drawing import Look
@@ -169,7 +170,12 @@ class RADIOSITY_PT_overlay(bpy.types.Panel):
             if not reason:
                 layout.use_property_split = True
                 layout.use_property_decorate = False
-                layout.prop(context.scene.view_settings, "exposure", text="View Exposure")
+                shading = context.space_data.shading
+                exposure = layout.column()
+                exposure.active = is_exposed(shading)
+                exposure.prop(context.scene.view_settings, "exposure", text="View Exposure")
+                if not exposure.active and shading.type in SHOW_MATERIALS:
+                    layout.operator("radiosity.see", text="Show World and Exposure", icon="WORLD")
             elif Running.progress is None:
                 layout.label(text=reason, icon="INFO")
             return
