@@ -20,7 +20,7 @@ from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
-from radiosity_addon.stages import STAGES
+from radiosity_addon.stages import STAGES, Progress
 from radiosity_addon.viewing import View
 from tests.blender.datablocks import differences, snapshot
 
@@ -132,6 +132,14 @@ def test_edits_during_a_bake_are_noticed_if_they_change_the_light(
         assert any(edited in warning for warning in Running.edits()) == told
     finally:
         Running.unwatch()
+
+
+def test_time_left_is_what_was_expected_until_a_bake_tells_its_own_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Running, "_expected", 20.0)
+    assert Running.left(Progress("Unwrap", 0.0), 5.0) == 15.0
+    assert 15.0 < Running.left(Progress("Unwrap", 0.03, left=150.0), 5.0) < 30.0
+    assert Running.left(Progress("Unwrap", 0.03, left=150.0), 60.0) == pytest.approx(15.0), "longer than expected"
+    assert Running.left(Progress("Gather", 0.5, left=90.0), 60.0) == 90.0
 
 
 def test_the_display_table_shows_light_as_blender_does(scene: bpy.types.Scene) -> None:

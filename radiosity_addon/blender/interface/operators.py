@@ -19,6 +19,7 @@ from ...stages import Progress
 from ..job import Job, Seat, bake_scene
 from ..last_bake import keep_report, learn
 from .running import Running
+from .scene_check import expected
 
 IN_FILE = ("Read scene", "Write back")
 """Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
@@ -56,7 +57,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         self._seat = Seat(Running.seat)
         self._steps = bake_in_place(context.scene, self._seat)
         self._timer = context.window_manager.event_timer_add(TICK_SECONDS, window=context.window)
-        Running.begin()
+        Running.begin(expected(context.scene).seconds)
         ended = self._go_on(context)  # the bake is under way before the window is drawn again
         if not ended:
             context.window_manager.modal_handler_add(self)

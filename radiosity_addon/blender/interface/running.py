@@ -22,6 +22,12 @@ from .live_view import LiveView
 REDRAW_SECONDS = 0.2
 """Drawing takes time from the bake."""
 
+TELLING_SHARE = 0.3
+"""From this share of a bake on its own pace alone tells what is left; before that, what was expected counts too."""
+
+NO_SHARE = 1e-3
+"""Least share of a bake that is divided by."""
+
 WATCHED = (bpy.types.Object, bpy.types.Mesh, bpy.types.Curve, bpy.types.Light, bpy.types.Material, bpy.types.World)
 """What decides how light falls. Whatever else is edited changes nothing."""
 
@@ -44,18 +50,19 @@ class Running:
     progress: Progress | None = None
     view: LiveView | None = None
     cancelled = False
-    _start = _drawn = _returned = _gap = 0.0
+    _start = _drawn = _returned = _gap = _expected = 0.0
     _stalls: ClassVar[dict[str, float]] = {}
     _scene = ""
     _settled = False
     _edited: ClassVar[dict[str, None]] = {}
 
     @classmethod
-    def begin(cls) -> None:
-        """A bake was asked for."""
+    def begin(cls, expected: float) -> None:
+        """A bake was asked for, which is expected to take so many seconds."""
         cls.progress, cls.view, cls.cancelled = Progress("Read scene", 0.0), None, False
         cls._start = cls._returned = time.perf_counter()
         cls._drawn = cls._gap = 0.0
+        cls._expected = expected
         cls._stalls, cls._settled = {}, False
         cls._edited = {}
         bpy.types.STATUSBAR_HT_header.append(draw_progress)
@@ -125,8 +132,16 @@ class Running:
         """How far it is, in words."""
         if cls.progress is None:
             return ""
-        told = describe(cls.progress, time.perf_counter() - cls._start)
+        seconds = time.perf_counter() - cls._start
+        told = describe(replace(cls.progress, left=cls.left(cls.progress, seconds)), seconds)
         return f"Stopping: {told}" if cls.view is not None and cls.view.satisfied else told
+
+    @classmethod
+    def left(cls, progress: Progress, seconds: float) -> float:
+        """Seconds until the end: first stages, which differ from scene to scene, tell little of those that follow."""
+        own = seconds * (1 / max(progress.fraction, NO_SHARE) - 1) if progress.left is None else progress.left
+        trust = min(progress.fraction / TELLING_SHARE, 1.0)
+        return trust * own + (1 - trust) * max(cls._expected - seconds, 0.0)
 
     @classmethod
     def can_stop(cls) -> bool:

@@ -16,7 +16,7 @@ from ..data.names import BAKE_KEY
 from ..last_bake import pace
 from ..reading.inspection import Inspection, inspect
 from ..writing.originals import shows_originals
-from .operators import Running
+from .running import Running
 
 
 class Checked:
