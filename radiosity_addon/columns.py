@@ -6,6 +6,11 @@ NumPy starts a loop for each row there, which takes several times longer than ad
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from .arrays import Float32
 
 
@@ -23,3 +28,8 @@ def dots(one: Float32, other: Float32) -> Float32:
     for column in range(1, one.shape[-1]):
         total += one[..., column] * other[..., column]
     return total
+
+
+def extremes(values: NDArray[Any]) -> NDArray[Any]:
+    """Least and greatest (2, C) of the columns of values (R, C)."""
+    return np.array([[extreme(column) for column in values.T] for extreme in (np.min, np.max)], values.dtype)

@@ -78,6 +78,11 @@ def even_uniform(ids: Int32 | Int64, sample: Int32 | Int64, dimension: int) -> F
     return unit_interval(bits)
 
 
+def even_rows(ids: Int32 | Int64, samples: int, dimension: int) -> Float32:
+    """`even_uniform` of the samples 0 to `samples` - 1 of each id (Q,): (Q, samples), each id hashed once."""
+    return unit_interval(_sobol(dimension)[:samples] ^ hash_bits(ids, dimension)[:, None])
+
+
 @lru_cache(maxsize=DIMENSIONS)
 def _sobol(dimension: int) -> Bits:
     """Sobol's sequence (2^16,) as 32-bit fractions, built by doubling: the sample n + 2^k is the sample n xor v_k."""
@@ -100,24 +105,26 @@ def _sobol(dimension: int) -> Bits:
 
 
 def cosine_directions(normals: Float32, u: Float32, v: Float32) -> Float32:
-    """Unit directions (R, 3) float32 about `normals` (R, 3), with density cos / pi.
+    """Unit directions (R, 3) or (R, S, 3) float32 about `normals` (R, 3), with density cos / pi.
 
     The Nusselt analog read backwards: points uniform on the unit disc, lifted to the hemisphere (Malley 1988). The
     basis about the normal has no branches (Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3).
 
     Args:
         normals: (R, 3) float32, unit
-        u, v: (R,) float32 in [0, 1); u goes outward on the disc, v around it
+        u, v: (R,) or, for S directions about each normal, (R, S) float32 in [0, 1); u goes outward on the disc, v
+            around it
     """
-    directions: Float32 = np.empty((len(u), 3), np.float32)
-    for start in range(0, len(u), BLOCK):
-        part = slice(start, start + BLOCK)
+    directions: Float32 = np.empty((*u.shape, 3), np.float32)
+    step = max(1, BLOCK * len(u) // max(u.size, 1))
+    for start in range(0, len(u), step):
+        part = slice(start, start + step)
         _fill_cosine_directions(normals[part], u[part], v[part], directions[part])
     return directions
 
 
 def _fill_cosine_directions(normals: Float32, u: Float32, v: Float32, directions: Float32) -> None:
-    nx, ny, nz = np.ascontiguousarray(normals.T)
+    nx, ny, nz = np.ascontiguousarray(normals.T).reshape(3, -1, *(1,) * (u.ndim - 1))
     radius = np.sqrt(u)
     turn = v * np.float32(2 * np.pi)
     x, y = np.cos(turn), np.sin(turn)
@@ -133,11 +140,10 @@ def _fill_cosine_directions(normals: Float32, u: Float32, v: Float32, directions
     along += across
     w = np.divide(along, sign + nz, out=radius)
     np.subtract(z, w, out=w)
-    out = directions.T
     np.multiply(nx, w, out=across)
-    np.add(across, x, out=out[0])
+    np.add(across, x, out=directions[..., 0])
     np.multiply(ny, w, out=across)
     y *= sign
-    np.add(across, y, out=out[1])
-    nz = z * nz
-    np.subtract(nz, along, out=out[2])
+    np.add(across, y, out=directions[..., 1])
+    z *= nz
+    np.subtract(z, along, out=directions[..., 2])

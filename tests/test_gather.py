@@ -412,14 +412,14 @@ def test_the_gather_reads_the_form_factor_between_squares(receiver, emitter, for
 
 def test_no_colour_falls_below_nothing_and_groups_still_add_up():
     """Two points, one red and one blue: beyond the red one the plane through them has less than no blue."""
-    values = np.float32([[[4, 0, 0, 0, 0, 0.2], [0, 0, 1, 0, 0, 0.1]]])  # two light groups
-    weight, row = np.float32([[0.75, 0.25]]), np.zeros(1, np.int64)
-    plane = np.float32([[5, 0, -0.25, 0, 0, 0.225]])
+    values = np.float32([[4, 0, 0, 0, 0, 0.2], [0, 0, 1, 0, 0, 0.1]]).T[:, :, None]  # two light groups
+    weight, row = np.float32([[0.75], [0.25]]), np.zeros(1, np.int64)
+    plane = np.float32([5, 0, -0.25, 0, 0, 0.225])[:, None]
     found = irradiance_fit._kept_in_range(plane.copy(), weight, values, row)
     assert found.min() >= 0
-    mean = np.float32([0.75, 0.25]) @ values[0]
-    share = (found - plane)[0] / np.where(mean != plane[0], mean - plane[0], 1)
-    moved = np.flatnonzero(mean != plane[0])
+    mean = values[:, :, 0] @ weight
+    share = (found - plane)[:, 0] / np.where(mean != plane, mean - plane, 1)[:, 0]
+    moved = np.flatnonzero(mean != plane)
     assert share[moved] == pytest.approx(np.full(len(moved), 0.5), abs=1e-6)  # -0.25 to 0.25: half of the way, for all
     dark = irradiance_fit._kept_in_range(-plane, weight, -values, row)  # of negative lamps colours may be negative
     assert dark[0, 0] < 0

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from radiosity_addon.sampling import DIMENSIONS, cosine_directions, even_uniform, hash_bits, hash_uniform
+from radiosity_addon.sampling import DIMENSIONS, cosine_directions, even_rows, even_uniform, hash_bits, hash_uniform
 
 IDS = np.arange(1 << 16)
 
@@ -56,6 +56,15 @@ def test_two_ids_get_different_points():
     sample = np.arange(64)
     first, second = (even_uniform(np.full(64, i), sample, 0) for i in (1, 2))
     assert np.abs(first - second).max() > 0.01
+
+
+def test_rows_of_samples_and_directions_are_those_of_each_sample_alone():
+    ids, sample = np.array([3, 99, 70000, 4, 5, 6]), np.arange(24)
+    each, number = np.repeat(ids, len(sample)), np.tile(sample, len(ids))
+    u, v = (even_rows(ids, len(sample), dimension) for dimension in (0, 1))
+    assert np.array_equal(u.reshape(-1), even_uniform(each, number, 0))
+    alone = cosine_directions(np.repeat(normals(6), len(sample), axis=0), u.reshape(-1), v.reshape(-1))
+    assert np.array_equal(cosine_directions(normals(6), u, v).reshape(-1, 3), alone)
 
 
 def test_directions_are_unit_and_their_cosine_is_the_height_over_the_disc():

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
-from ..columns import dots
+from ..columns import dots, extremes
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls, part_cells
@@ -122,20 +122,21 @@ def cell_keys(texels: Texels, chosen: Int32 | Int64, width: float, workers: int)
         part = component.take(texels.triangle[block])
         return part, texels.shading_normal.take(block, axis=0), texels.position.take(block, axis=0)
 
-    # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
-    def ends(start: int, stop: int) -> list[Any]:
-        return [np.stack([part.min(0), part.max(0)]) for part in of(start, stop)]
+    def reach(start: int, stop: int) -> list[Any]:
+        part, facing, place = of(start, stop)
+        return [extremes(part[:, None]), extremes(facing), extremes(place)]
 
-    found = yield from scaled(in_chunks(ends, len(chosen), BLOCK, workers), 0, 0.5)
+    found = yield from scaled(in_chunks(reach, len(chosen), BLOCK, workers), 0, 0.5)
     if not found:
         return np.zeros(0, np.int64)
-    joined = [np.concatenate(part) for part in zip(*found, strict=True)]
-    low, high = (names(*(each(part, axis=0, keepdims=True) for part in joined)) for each in (np.min, np.max))
+    # rounding keeps the order, so the ends of what is rounded are those of the whole numbers
+    part, facing, place = (extremes(np.concatenate(each)) for each in zip(*found, strict=True))
+    low, high = names(part[:, 0], facing, place).T
     keys = np.zeros(len(chosen), np.int64)
 
     def name(start: int, stop: int) -> None:
         key = keys[start:stop]
-        for part, least, most in zip(names(*of(start, stop)), low[:, 0], high[:, 0], strict=True):
+        for part, least, most in zip(names(*of(start, stop)), low, high, strict=True):
             key *= most - least + 1
             key += part
             key -= least

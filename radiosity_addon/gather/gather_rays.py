@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,12 @@ from ..geometry.visibility import Hits, Visibility, passing_chance
 from ..lighting.sky import cells
 from ..radiosity.illumination import SPECIAL_ROWS
 from ..radiosity.patches import NOTHING, SKY, Patches
-from ..sampling import cosine_directions, even_uniform
+from ..sampling import cosine_directions, even_rows
 from ..settings import BakeSettings
 from .gather_points import GatherPoints, cell_keys
 from .gleams import Gleams
 from .guiding import BINS, direction_bins, directions_in, draw_bins, pool
+from .stands import Stands
 
 BELOW = -3
 """A direction below the horizon: it counts, and brings nothing."""
@@ -53,10 +55,10 @@ class RayCounts:
         part = FINE_PART if fine else 1
         return -(-self.pilots // part), -(-self.guided // part)
 
-    def columns(self, fine: bool) -> Int64:
-        """Where the rays of a point stand in a row that has room for all: pilots first."""
+    def of(self, rows: NDArray[Any], fine: bool) -> NDArray[Any]:
+        """What was sent of rows (Q, R) that have room for all rays, pilots first: copies."""
         pilots, guided = self.sent(fine)
-        return np.concatenate([np.arange(pilots), self.pilots + np.arange(guided)])
+        return np.concatenate([rows[:, :pilots], rows[:, self.pilots : self.pilots + guided]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +91,18 @@ class Tally:
         total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
         for fine in (False, True):
             rows = np.flatnonzero(self.fine == fine)
-            columns, pilots = self.counts.columns(fine), self.counts.sent(fine)[0]
+            pilots, guided = self.counts.sent(fine)
 
-            def work(start: int, stop: int, rows: Int64 = rows, columns: Int64 = columns, pilots: int = pilots) -> None:
+            def work(start: int, stop: int, rows: Int64 = rows, fine: bool = fine, pilots: int = pilots) -> None:
                 chosen = rows[start:stop]
-                element = self.elements.take(chosen, axis=0).take(columns, axis=1)
-                weight = self.weights.take(chosen, axis=0).take(columns, axis=1)
+                element: Int32 = self.counts.of(self.elements.take(chosen, axis=0), fine)
+                weight: Float32 = self.counts.of(self.weights.take(chosen, axis=0), fine)
                 met = element != NOTHING
                 weight *= met
                 radiance = table.take(element, axis=0)
                 if self.tints is not None:
                     colors = radiance[:, :, :-1].reshape(*element.shape, -1, 3)
-                    colors *= self.tints.take(chosen, axis=0).take(columns, axis=1)[:, :, None]
+                    colors *= self.counts.of(self.tints.take(chosen, axis=0), fine)[:, :, None]
                     radiance[:, :, :-1] = colors.reshape(*element.shape, -1)
                     radiance[:, :, -1] = sums(radiance[:, :, :-1])
                 # which rays are dim is decided by all channels and light groups at once, so that groups add up
@@ -114,7 +116,7 @@ class Tally:
                 weight[:, :pilots] += dim
                 total[rows[start:stop]] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
 
-            steps = in_chunks(work, len(rows), max(1, RAYS // len(columns)), workers)
+            steps = in_chunks(work, len(rows), max(1, RAYS // (pilots + guided)), workers)
             yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
         return total
 
@@ -162,6 +164,7 @@ class GatherRays:
         self._elements: list[Int32] = []
         self._bins: list[NDArray[np.uint16]] = []
         self._fine: list[Bools] = []
+        self._stands: list[Stands] = []
         self._tints: list[Float16] = []
         self._tinted = visibility.channels > 1
         self._gleams = gleams
@@ -178,15 +181,17 @@ class GatherRays:
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
         before = sum(map(len, self._elements))
 
+        stands = yield from scaled(Stands.of(self._texels, chosen, self._workers), 0, 0)
+
         def trace(first: int, last: int, pilots: int) -> Fractions[list[_Seen | None]]:
             def work(start: int, stop: int) -> _Seen | None:
                 part = slice(first + start, first + stop)
-                rows = np.repeat(np.arange(stop - start), pilots)
-                texel, column = chosen[part], np.tile(np.arange(pilots), stop - start)
-                u, v = (even_uniform(texel[rows], column, dimension) for dimension in (0, 1))
-                normals = self._texels.shading_normal.take(texel, axis=0)
-                directions = cosine_directions(normals.take(rows, axis=0), u, v)
-                element, hits = self._trace(texel, rows, column, directions)
+                own = stands.only(np.arange(first + start, first + stop))
+                u, v = (even_rows(own.texel, pilots, dimension) for dimension in (0, 1))
+                normals = self._texels.shading_normal.take(own.texel, axis=0)
+                directions = cosine_directions(normals, u, v).reshape(-1, 3)
+                rows, column = np.repeat(np.arange(stop - start), pilots), np.tile(np.arange(pilots), stop - start)
+                element, hits = self._trace(own, rows, column, directions)
                 if hits.tint is not None:
                     tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
                 inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
@@ -203,6 +208,7 @@ class GatherRays:
         seen = yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
         seen += yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
         self._seen += [part for part in seen if part is not None]
+        self._stands.append(stands)
         self._elements.append(elements)
         self._bins.append(bins)
         self._fine.append(fine)
@@ -228,24 +234,20 @@ class GatherRays:
         yield from in_chunks(work, len(chosen), RAYS, self._workers)
         return distance
 
-    def _trace(self, texel: Int64, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Hits]:
-        """Elements (R,) and hits of rays from texels (Q,), ray r from texel[rows[r]], spread over its strata."""
-        texels = self._texels
-        strata = texels.origins(np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel)))
-        chance = passing_chance(self._visibility, texel[rows], sample)
-        origins = strata.take(rows * STRATA + (sample & (STRATA - 1)), axis=0)
-        hits = self._visibility.first_hit(origins, directions, chance)
+    def _trace(self, stands: Stands, rows: Int64, sample: Int64, directions: Float32) -> tuple[Int32, Hits]:
+        """Elements (R,) and hits of rays from points (Q,), ray r from point rows[r], spread over its strata."""
+        stratum = rows * STRATA
+        stratum += sample & (STRATA - 1)
+        chance = passing_chance(self._visibility, stands.texel[rows], sample) if self._visibility.dims else None
+        hits = self._visibility.first_hit(stands.origins.take(stratum, axis=0), directions, chance)
         element = self._patches.elements(hits)
         if self._cells:
             left = np.flatnonzero(element == SKY)
-            element[left] = cells(directions[left]) + np.int32(texels.count + self._patches.count)
+            element[left] = cells(directions[left]) + np.int32(self._texels.count + self._patches.count)
         # each stratum has the horizon of its own face: texels of folded cloth lie on two
-        faces = texels.surfaces.normals(texels.footprints.triangles(texel).reshape(-1))
-        tilted = dots(np.repeat(texels.shading_normal.take(texel, axis=0), STRATA, axis=0), faces) < 1 - 1e-6
-        if tilted.any():
-            stratum = rows * STRATA + (sample & (STRATA - 1))
-            ray = np.flatnonzero(tilted.take(stratum))
-            ray = ray[dots(directions.take(ray, axis=0), faces.take(stratum[ray], axis=0)) <= 0]
+        if stands.tilted.any():
+            ray = np.flatnonzero(stands.tilted.take(stratum))
+            ray = ray[dots(directions.take(ray, axis=0), stands.faces.take(stratum[ray], axis=0)) <= 0]
             element[ray] = BELOW
         return element, hits
 
@@ -260,7 +262,8 @@ class GatherRays:
         if self._tinted:
             tints = np.ones((*elements.shape, 3), np.float16)
             tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
-        self._elements, self._bins, self._fine, self._tints = [], [], [], []
+        stands = Stands.joined(self._stands or [(yield from Stands.of(self._texels, points.texel, 1))])
+        self._elements, self._bins, self._fine, self._tints, self._stands = [], [], [], [], []
         weights = np.zeros(elements.shape, np.float32)
         width = base * POOL_WIDTH
         keys = yield from scaled(cell_keys(self._texels, points.texel, width, self._workers), 0, 0)
@@ -288,13 +291,13 @@ class GatherRays:
                 here = np.flatnonzero(fine[mine] == some)
                 points_here = mine[here]
                 few, rest = self._counts.sent(some)
-                cosine = self._pilot_cosines(points.texel[points_here], few)
+                cosine = np.sqrt(1 - even_rows(points.texel[points_here], few, 0))
                 row = BINS * fold[here, None]
                 seen = density.take(row + bins.take(points_here, axis=0)[:, :few])
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
                 lit = density.any(1)[fold[here]]
-                element, cosine, tint, seen_there = self._guide(points.texel[points_here], drawn, lit)
+                element, cosine, tint, seen_there = self._guide(stands.only(points_here), drawn, lit)
                 elements[points_here, pilots : pilots + rest] = element
                 if seen_there is not None:
                     gleaming.append(
@@ -312,36 +315,30 @@ class GatherRays:
         self._seen = []
         return Tally(elements, weights, self._counts, fine, tints, gleams)
 
-    def _pilot_cosines(self, texel: Int64, pilots: int) -> Float32:
-        """Cosines (Q, pilots) of pilot rays with their shading normals."""
-        u = even_uniform(np.repeat(texel, pilots), np.tile(np.arange(pilots), len(texel)), 0)
-        return np.asarray(np.sqrt(1 - u).reshape(-1, pilots), np.float32)
-
-    def _guide(self, texel: Int64, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None, _Seen | None]:
+    def _guide(self, stands: Stands, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None, _Seen | None]:
         """Elements, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
 
         And the gleams that they see.
 
         Args:
-            lit: (Q,) bool, texels whose bins were drawn from light; no others send rays
+            lit: (Q,) bool, points whose bins were drawn from light; no others send rays
         """
-        guided = drawn.shape[1]
-        rows = np.repeat(np.arange(len(texel)), guided)
-        sample = np.tile(np.arange(guided), len(texel))
-        u, v = (even_uniform(texel[rows], sample, dimension) for dimension in JITTER_DIMENSIONS)
+        count, guided = drawn.shape
+        u, v = (even_rows(stands.texel, guided, dimension).reshape(-1) for dimension in JITTER_DIMENSIONS)
         directions = directions_in(drawn.reshape(-1), u, v)
-        normals = self._texels.shading_normal.take(texel, axis=0)
+        normals = self._texels.shading_normal.take(stands.texel, axis=0)
         cosine = np.einsum("qsx,qx->qs", directions.reshape(*drawn.shape, 3), normals).reshape(-1)
         cosine *= np.repeat(lit, guided)
         np.maximum(cosine, 0, out=cosine)
         sent = np.flatnonzero(cosine)
-        element = np.full(len(rows), BELOW, np.int32)
+        element = np.full(count * guided, BELOW, np.int32)
         ways = directions.take(sent, axis=0)
-        element[sent], hits = self._trace(texel, rows[sent], sample[sent], ways)
-        gleaming = self._gleaming(element[sent], ways, rows[sent], sample[sent])
+        row, sample = np.divmod(sent, guided)
+        element[sent], hits = self._trace(stands, row, sample, ways)
+        gleaming = self._gleaming(element[sent], ways, row, sample)
         tint = None
         if hits.tint is not None:
-            tint = np.ones((len(rows), 3), np.float32)
+            tint = np.ones((count * guided, 3), np.float32)
             tint[sent] = hits.tint
             tint = tint.reshape(*drawn.shape, 3)
         return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint, gleaming

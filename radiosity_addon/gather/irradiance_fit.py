@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks
-from ..columns import dots, sums
+from ..columns import dots
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import hidden
@@ -55,46 +55,48 @@ def fit_irradiance(
     taken.
     """
     taking = numbers_of(points.cell >= 0)
-    rank = np.empty(points.count, np.int32)  # rows of one chunk are about equally long
+    rank = np.empty(points.count, np.int32)  # columns of one chunk are about equally long
     rank[np.argsort(neighbours.count, kind="stable")] = np.arange(points.count, dtype=np.int32)
     taking = taking[np.argsort(rank[points.cell[taking]], kind="stable")]
     result: Float32 = np.zeros((texels.count, irradiance.shape[1]), np.float32)
 
     def work(start: int, stop: int) -> None:
         texel = taking[start:stop]
-        cells, row = np.unique(points.cell[texel], return_inverse=True)
+        own = points.cell[texel]
+        new = np.append(True, own[1:] != own[:-1])  # texels of a cell follow each other
+        cells, row = own[new], np.cumsum(new) - 1
         plane = _Plane(cells, texels, points, neighbours)
         x, y = plane.project(texels.position.take(texel, axis=0), row)
-        weight, reach = _weights(x, y, plane.width.take(row, axis=0))
+        weight, reach = _weights(x, y, plane.width.take(row, axis=1))
         crowded = np.flatnonzero(neighbours.crowded[cells][row])
         if len(crowded):
-            clear = np.minimum(neighbours.clear[cells, None], neighbours.clear.take(plane.point))
+            clear = np.minimum(neighbours.clear[cells], neighbours.clear.take(plane.point))
             _leave_out_hidden(weight, crowded, texels, texel, plane.texel, clear, row, visibility)
-        lonely = weight.sum(1) <= 0
-        weight[lonely, 0] = 1
-        values = irradiance.take(plane.point, axis=0)
+        lonely = weight.sum(0) <= 0
+        weight[0, lonely] = 1
+        values = np.stack([channel.take(plane.point) for channel in np.ascontiguousarray(irradiance.T)])
         fitted = _fit(weight, x, y, reach, values, row)
-        result[texel] = _kept_in_range(fitted, weight, values, row)
+        result[texel] = _kept_in_range(fitted, weight, values, row).T
 
     yield from in_chunks(work, len(taking), TEXELS, workers)
     return result
 
 
 class _Plane:
-    """Tangent planes of cells (C,) and where their neighbours (C, K) lie in them.
+    """Tangent planes of cells (C,) and where their neighbours (K, C) lie in them: with K first, all runs along texels.
 
     Attributes:
-        point: (C, K) the neighbours, padded with the cell's own point
-        texel: (C, K) the texels they stand at
-        width: (C, K) float32, m, of their cells; huge for padding
+        point: (K, C) the neighbours, padded with the cell's own point
+        texel: (K, C) the texels they stand at
+        width: (K, C) float32, m, of their cells; huge for padding
     """
 
     def __init__(self, cells: Int32 | Int64, texels: Texels, points: GatherPoints, neighbours: Neighbours) -> None:
         count = neighbours.count[cells]
         most = int(count.max(initial=1))
-        self.point = neighbours.point[cells, :most]
-        self.texel = points.texel[self.point]
-        self.width = points.width[self.point]
+        self.point = np.ascontiguousarray(neighbours.point[cells, :most].T)
+        self.texel = points.texel.take(self.point)
+        self.width = points.width.take(self.point)
         normal = texels.shading_normal[points.texel[cells]]
         self._origin = texels.position[points.texel[cells]]
         # Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3
@@ -103,61 +105,67 @@ class _Plane:
         b = normal[:, 0] * normal[:, 1] * a
         self._tangent = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
         self._other = np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
-        gap = texels.position.take(self.texel, axis=0) - self._origin[:, None]
-        self._x = np.einsum("ckx,cx->ck", gap, self._tangent)
-        self._y = np.einsum("ckx,cx->ck", gap, self._other)
-        padding = np.arange(most) >= count[:, None]
+        gap = texels.position.take(self.texel, axis=0)
+        gap -= self._origin
+        self._x = dots(gap, self._tangent)
+        self._y = dots(gap, self._other)
+        padding = np.arange(most)[:, None] >= count
         self._x[padding] = NOWHERE
         self.width[padding] = NOWHERE
 
     def project(self, position: Float32, row: Int64) -> tuple[Float32, Float32]:
-        """Offsets (T, K), m, of the neighbours from texels at `position` (T, 3) of cells row (T,)."""
-        origin, tangent, other, x, y = (
-            rows.take(row, axis=0) for rows in (self._origin, self._tangent, self._other, self._x, self._y)
-        )
-        gap = position - origin
-        x -= dots(gap, tangent)[:, None]
-        y -= dots(gap, other)[:, None]
+        """Offsets (K, T), m, of the neighbours from texels at `position` (T, 3) of cells row (T,)."""
+        gap = position - self._origin.take(row, axis=0)
+        x, y = (along.take(row, axis=1) for along in (self._x, self._y))
+        x -= dots(gap, self._tangent.take(row, axis=0))
+        y -= dots(gap, self._other.take(row, axis=0))
         return x, y
 
 
-def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64) -> Float32:
-    """`fitted` (T, C), its brightness kept near that of values (cells, K, C), weights (T, K), of cells row (T,).
+def _means(weight: Float32, values: Float32, row: Int64, chosen: Int64) -> Float32:
+    """Weighted means (C, Q) over the points, of texels `chosen` (Q,)."""
+    share = weight[:, chosen]
+    share /= share.sum(0)
+    found: Float32 = np.stack([(share * channel.take(row[chosen], axis=1)).sum(0) for channel in values])
+    return found
 
-    Brightness is the sum of all columns, so that light groups add up. Where a colour would be less than nothing, all
-    columns alike move towards the mean of the points until it is not.
+
+def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64) -> Float32:
+    """`fitted` (C, T), its brightness kept near that of values (C, K, cells), weights (K, T), of cells row (T,).
+
+    Brightness is the sum of all channels, so that light groups add up. Where a colour would be less than nothing, all
+    channels alike move towards the mean of the points until it is not.
     """
-    bright = sums(values)
-    low, high = bright.min(1), bright.max(1)
+    bright = values.sum(0)
+    low, high = bright.min(0), bright.max(0)
     slack = OVERSHOOT * (high - low)
-    lost = np.flatnonzero(sums(fitted) <= 0)
-    share = weight[lost] / weight[lost].sum(1)[:, None]
-    fitted[lost] = np.einsum("tk,tkc->tc", share, values[row[lost]])
-    total = sums(fitted)
+    lost = np.flatnonzero(fitted.sum(0) <= 0)
+    fitted[:, lost] = _means(weight, values, row, lost)
+    total = fitted.sum(0)
     wanted = np.clip(total, np.maximum(low - slack, 0)[row], (high + slack)[row])
-    fitted *= np.divide(wanted, total, out=np.ones_like(total), where=total > 0)[:, None]  # negative lamps: the mean
-    below = np.flatnonzero(np.minimum.reduce(fitted.T.copy()) < 0)
+    fitted *= np.divide(wanted, total, out=np.ones_like(total), where=total > 0)  # negative lamps: the mean
+    below = np.flatnonzero(fitted.min(0) < 0)
     if len(below):
-        share = weight[below] / weight[below].sum(1)[:, None]
-        mean = np.einsum("tk,tkc->tc", share, values[row[below]])
-        gap = np.where((fitted[below] < 0) & (mean >= 0), fitted[below] / np.minimum(fitted[below] - mean, -TINY), 0)
-        moved = fitted[below] + gap.max(1)[:, None] * (mean - fitted[below])
-        fitted[below] = np.where(mean >= 0, np.maximum(moved, 0), moved)  # what rounding leaves
+        mean, own = _means(weight, values, row, below), fitted[:, below]
+        gap = np.where((own < 0) & (mean >= 0), own / np.minimum(own - mean, -TINY), 0)
+        moved = own + gap.max(0) * (mean - own)
+        fitted[:, below] = np.where(mean >= 0, np.maximum(moved, 0), moved)  # what rounding leaves
     return fitted
 
 
 def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
-    """Weights (T, K) of points at offsets x, y, and the reach (T,), m."""
+    """Weights (K, T) of points at offsets x, y, and the reach (T,), m."""
     weight: Float32 = x * x
     weight += y * y
     reach = np.sqrt(weight)
     reach *= np.float32(GROWTH)
     reach += width
-    reach = reach.min(1) * np.float32(REACH)
-    few = np.flatnonzero(np.count_nonzero(weight < (reach * reach)[:, None], axis=1) < ENOUGH)
-    reach[few] = np.maximum(reach[few], _reach_of_enough(weight[few]))
+    reach = reach.min(0) * np.float32(REACH)
+    within = (weight < reach * reach).view(np.int8)
+    few = np.flatnonzero(within.sum(0, dtype=np.int8) < ENOUGH)
+    reach[few] = np.maximum(reach[few], _reach_of_enough(weight[:, few].T))
     with np.errstate(over="ignore"):  # what lies nowhere, in a scene of nanometres
-        weight /= (reach * reach)[:, None]
+        weight /= reach * reach
     np.subtract(1, weight, out=weight)
     np.maximum(weight, 0, out=weight)
     weight *= weight
@@ -183,42 +191,38 @@ def _leave_out_hidden(
     row: Int64,
     visibility: Visibility,
 ) -> None:
-    """Set to 0, in place, the weights (T, K) of points, at texels `beside`, that the texels `crowded` can't see.
+    """Set to 0, in place, the weights (K, T) of points, at texels `beside`, that the texels `crowded` can't see.
 
     Args:
-        beside: (cells, K)
-        clear: (cells, K) height, m, that is clear over both
+        beside: (K, cells)
+        clear: (K, cells) height, m, that is clear over both
         row: (T,) cell of each texel
     """
-    count = weight.shape[1]
-    pair = np.flatnonzero(weight.take(crowded, axis=0) > 0)
-    one = crowded.take(pair // count)
-    column = pair % count
-    pair = row.take(one) * count + column
+    number, one = np.nonzero(weight.take(crowded, axis=1) > 0)
+    one = crowded.take(one)
+    pair = number * beside.shape[1] + row.take(one)
     blocked = hidden(texels, texel.take(one), beside.take(pair), visibility, most=clear.take(pair))
-    weight[one[blocked], column[blocked]] = 0
+    weight[number[blocked], one[blocked]] = 0
 
 
 def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float32, row: Int64) -> Float32:
-    """Value (T, C) at each texel of the plane fitted to values (cells, K, C) of cells row (T,) at offsets x, y."""
-    scale = (1 / reach)[:, None]
-    x *= scale
-    y *= scale
-    x[weight == 0] = 0
-    y[weight == 0] = 0
-    total = weight.sum(1)
-    mean_x = np.einsum("tk,tk->t", weight, x) / total
-    mean_y = np.einsum("tk,tk->t", weight, y) / total
-    x -= mean_x[:, None]
-    y -= mean_y[:, None]
-    xx = np.einsum("tk,tk,tk->t", weight, x, x) / total + np.float32(SLOPE_DAMPING)
-    yy = np.einsum("tk,tk,tk->t", weight, y, y) / total + np.float32(SLOPE_DAMPING)
-    xy = np.einsum("tk,tk,tk->t", weight, x, y) / total
+    """Value (C, T) at each texel of the plane fitted to values (C, K, cells) of cells row (T,) at offsets x, y."""
+    scale = 1 / reach
+    outside = weight == 0
+    for offset in (x, y):
+        offset *= scale
+        offset[outside] = 0
+    share = weight / weight.sum(0)
+    mean_x, mean_y = ((share * offset).sum(0) for offset in (x, y))
+    x -= mean_x
+    y -= mean_y
+    along, across = share * x, share * y
+    xy = (along * y).sum(0)
+    xx, yy = ((part * offset).sum(0) + np.float32(SLOPE_DAMPING) for part, offset in ((along, x), (across, y)))
     # the plane at the texel is the mean of the values less the slope times the points' mean offset
     determinant = xx * yy - xy * xy
-    x *= ((mean_x * yy - mean_y * xy) / determinant)[:, None]
-    y *= ((mean_y * xx - mean_x * xy) / determinant)[:, None]
-    x += y
-    np.subtract(1, x, out=x)
-    x *= weight
-    return np.asarray(np.einsum("tk,tkc->tc", x, values.take(row, axis=0)) / total[:, None], np.float32)
+    along *= (mean_x * yy - mean_y * xy) / determinant
+    across *= (mean_y * xx - mean_x * xy) / determinant
+    share -= along
+    share -= across
+    return np.stack([(share * channel.take(row, axis=1)).sum(0) for channel in values])

@@ -49,6 +49,9 @@ CUBES = 2
 CANDIDATES = 60
 """Where more points than these are near, only those in the innermost cubes are looked at: the nearest count most."""
 
+COLUMNS = 1 << 16
+"""Hashes that columns of cubes are told by: more than there are columns with points, few enough to stay in cache."""
+
 RAYS = 1 << 15
 """Rays upwards traced at once."""
 
@@ -150,7 +153,11 @@ def _rank(cell: Int64) -> Int64:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """Cells (C,) and points (Q,), where they lie (C, 3), (Q, 3), and in which cubes; the points sorted by theirs."""
+    """Cells (C,) and points (Q,), where they lie (C, 3), (Q, 3), and in which cubes; the points sorted by theirs.
+
+    Attributes:
+        occupied: (COLUMNS,) bool, by their hashes, columns of cubes along z with points: most around a cell have none
+    """
 
     cell: Int64
     cell_place: Float32
@@ -158,28 +165,26 @@ class _Job:
     point: Int64
     point_place: Float32
     point_cube: Int64
+    occupied: Bools
     radius: float
 
-    def _around(self, cells: Int64, cubes: int) -> tuple[Int64, Int64]:
-        """Where the points in rows of cubes around cells (M,) begin, and how many they are; (M, rows)."""
-        begins, sizes = [], []
-        for dx in range(-cubes, cubes + 1):
-            for dy in range(-cubes, cubes + 1):
-                row = self.cell_cube[cells] + ((dx << 40) + (dy << 20))  # cubes of a row follow each other in z
-                begin = np.searchsorted(self.point_cube, row - cubes, side="left")
-                begins.append(begin)
-                sizes.append(np.searchsorted(self.point_cube, row + cubes, side="right") - begin)
-        return np.stack(begins, axis=1), np.stack(sizes, axis=1)
+    def _around(self, cells: Int64, cubes: int) -> tuple[Int64, Int64, Int64]:
+        """Rows of cubes around cells (M,) that may hold points: of which cell, where these begin, how many they are."""
+        span = np.arange(-cubes, cubes + 1)
+        row = self.cell_cube[cells][:, None] + ((span[:, None] << 40) + (span << 20)).reshape(-1)
+        which = np.flatnonzero(self.occupied.take(_column_hash(row)))
+        row = row.reshape(-1)[which]  # cubes of a row follow each other in z
+        begin = np.searchsorted(self.point_cube, row - cubes, side="left")
+        end = np.searchsorted(self.point_cube, row + cubes, side="right")
+        return cells[which // len(span) ** 2], begin, end - begin
 
     def pairs(self) -> tuple[Int64, Int64, Float32, Float32]:
         """Cells and points within the radius of each other, what lies between them (R, 3), and how far that is."""
-        begin, size = self._around(np.arange(len(self.cell)), CUBES)
-        many = np.flatnonzero(size.sum(1) > CANDIDATES)
-        size[many] = 0
-        inner_begin, inner_size = self._around(many, 1)
-        rows = np.concatenate([np.repeat(np.arange(len(self.cell)), size.shape[1]), np.repeat(many, 9)])
-        begin = np.concatenate([begin.reshape(-1), inner_begin.reshape(-1)])
-        size = np.concatenate([size.reshape(-1), inner_size.reshape(-1)])
+        around = self._around(np.arange(len(self.cell)), CUBES)
+        number = np.bincount(around[0], weights=around[2], minlength=len(self.cell))
+        few = number[around[0]] <= CANDIDATES
+        inner = self._around(np.flatnonzero(number > CANDIDATES), 1)
+        rows, begin, size = (np.concatenate([outer[few], part]) for outer, part in zip(around, inner, strict=True))
         run = np.repeat(np.arange(len(size)), size)
         point = np.arange(len(run)) + (begin - (np.cumsum(size) - size))[run]
         cell = rows[run]
@@ -188,6 +193,11 @@ class _Job:
         squared = dots(gap, gap)
         near = np.flatnonzero(squared < self.radius**2)
         return self.cell[cell[near]], self.point[point[near]], gap.take(near, axis=0), np.sqrt(squared[near])
+
+
+def _column_hash(cube: Int64) -> Int64:
+    """A number below COLUMNS for the column of cubes along z that cubes are in (Knuth's multiplicative hash)."""
+    return np.asarray(((cube >> 20) * 0x1E3779B97F4A7C15 >> 40) & (COLUMNS - 1))
 
 
 def _jobs(position: Float32, normal: Float32, points: GatherPoints) -> list[_Job]:
@@ -210,11 +220,15 @@ def _jobs(position: Float32, normal: Float32, points: GatherPoints) -> list[_Job
             sorted_key = key[others] + axis[others]
             order = np.argsort(sorted_key, kind="stable")
             others, sorted_key = others[order], sorted_key[order]
+            occupied = np.zeros(COLUMNS, bool)
+            occupied[_column_hash(sorted_key)] = True
             places = position[others]
             sought = key[cells] + (faced.astype(np.int64) << 60)
             near = np.argsort(sought, kind="stable")  # cells beside each other look at the same points
             for start in range(0, len(cells), CELLS):
                 part = near[start : start + CELLS]
                 mine = cells[part]
-                jobs.append(_Job(mine, position[mine], sought[part], others, places, sorted_key, float(radius)))
+                jobs.append(
+                    _Job(mine, position[mine], sought[part], others, places, sorted_key, occupied, float(radius))
+                )
     return jobs

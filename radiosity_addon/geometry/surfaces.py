@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..atlas.islands import islands, welded
+from ..columns import extremes
 from ..scene import Scene
 
 OFFSET_SHARE = 2e-6
@@ -180,7 +181,7 @@ def flatten(scene: Scene) -> Surfaces:
     used = [mesh.vertices[mesh.triangles] for mesh in scene.meshes if len(mesh.triangles)]
     corners = np.concatenate(used) if used else np.zeros((0, 3, 3))
     flat = corners.reshape(-1, 3)
-    low, high = (flat.min(0), flat.max(0)) if len(flat) else (np.zeros(3), np.ones(3))
+    low, high = extremes(flat) if len(flat) else (np.zeros(3), np.ones(3))
     origin = (low + high) / 2
     corners = corners - origin
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..chunks import finish
+from ..columns import extremes
 from ..geometry.by_triangle import ByTriangle
 from ..geometry.opacity import Opacity
 from ..geometry.sides import seen_side
@@ -255,9 +256,9 @@ def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None
     surfaces = texels.surfaces
     deepest = 0 if levels is None else int(levels.max(initial=0))
     coarse, width = width, width / 2**deepest
-    flat = surfaces.corners.reshape(-1, 3)
-    low = np.floor(flat.min(0) / width).astype(np.int64) - 1
-    sizes = np.floor(flat.max(0) / width).astype(np.int64) - low + 2
+    least, most = extremes(surfaces.corners.reshape(-1, 3))
+    low = np.floor(least / width).astype(np.int64) - 1
+    sizes = np.floor(most / width).astype(np.int64) - low + 2
     label = surfaces.component.astype(np.int64) * (int(surfaces.material.max()) + 1) + surfaces.material
     keys = np.empty(len(chosen), np.int64)
     for start in range(0, len(chosen), BLOCK):

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arithmetic along short axes: the same as NumPy's, faster."""
+
+import numpy as np
+
+from radiosity_addon.columns import dots, extremes, sums
+
+VALUES = np.random.default_rng(3).normal(size=(100, 3)).astype(np.float32)
+
+
+def test_columns_are_added_multiplied_and_compared_as_numpy_does_it():
+    assert np.allclose(sums(VALUES), VALUES.sum(1), atol=1e-6)
+    assert np.allclose(dots(VALUES, VALUES[::-1]), (VALUES * VALUES[::-1]).sum(1), atol=1e-6)
+    assert np.array_equal(extremes(VALUES), [VALUES.min(0), VALUES.max(0)])
+    assert extremes(VALUES).dtype == np.float32
