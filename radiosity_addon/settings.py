@@ -50,7 +50,8 @@ class Quality:
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
-        lamp_error: relative error that the weaker ones of many lamps may bring, which are known at nodes only
+        lamp_error: relative error that the weaker ones of many lamps may bring, which are known at nodes only, and as
+            much again those that few rays serve
     """
 
     patch_rays: int
@@ -66,9 +67,9 @@ class Quality:
 
 
 QUALITY_STEPS: dict[str, Quality] = {
-    "draft": Quality(48, 6000, 64, 8.0, 3000, 0.35, 1, 16, 1, 0.02),
-    "medium": Quality(64, 12000, 224, 5.0, 6000, 0.18, 1, 36, 4, 0.01),
-    "high": Quality(128, 24000, 512, 4.0, 12000, 0.35, 4, 144, 4, 0.005),
+    "draft": Quality(48, 6000, 64, 8.0, 3000, 0.35, 1, 16, 1, 0.012),
+    "medium": Quality(64, 12000, 224, 5.0, 6000, 0.18, 1, 36, 4, 0.006),
+    "high": Quality(128, 24000, 512, 4.0, 12000, 0.35, 4, 144, 4, 0.003),
 }
 
 

@@ -21,8 +21,9 @@ from radiosity_addon.lighting.lights import direct_irradiance, lamps_of
 from radiosity_addon.lighting.shades import Shades, pooled
 from radiosity_addon.scene import AreaLight, Light, PointLight, Scene, SpotLight
 from radiosity_addon.settings import BakeSettings
+from tests.bakes import lit, planes
 from tests.lamps import GREY
-from tests.shapes import box, cell_atlas, mesh_of, quad
+from tests.shapes import box, cell_atlas, furnished_room, mesh_of, quad
 
 SETTINGS = BakeSettings(page_size=160, threads=1)
 REACH = 8  # texels; both ends of a page's rows are nearer than this to its edge
@@ -71,6 +72,13 @@ def nodes() -> LightNodes:
     return finish(place_nodes(texels, visibility, 4.0, 1))
 
 
+def between(field: Float32) -> Float32:
+    """What a field (N,) at nodes is at all texels (T,); 0 where no node speaks for them."""
+    total = np.zeros((ground()[0].count, 1), np.float32)
+    nodes().add(field[nodes().near][..., None], 0, total)
+    return total[:, 0]
+
+
 def light_of(scene: Scene, workers: int = 1, many: int = 0) -> tuple[Float32, int]:
     """Direct light of the scene's lamps, and rays; `many` lamps or more are told apart by nodes."""
     texels, visibility = ground()
@@ -90,8 +98,9 @@ def test_many_lamps_take_few_rays_and_err_less_than_allowed() -> None:
     fitted, fewer = light_of(scene)
     lit = exact[:, 0, 0]
     error = fitted[:, 0, 0] - lit
-    assert fewer < 0.5 * rays
-    assert np.sqrt(np.mean(error**2)) < SETTINGS.steps.lamp_error * lit.mean()
+    assert fewer < 0.3 * rays  # twice as many where none of the weaker ones is served by few
+    allowed = np.sqrt(2) * SETTINGS.steps.lamp_error  # by fits, and as much by few rays
+    assert np.sqrt(np.mean(error**2)) < allowed * lit.mean()
     assert abs(error.mean()) < 0.2 * SETTINGS.steps.lamp_error * lit.mean()
 
 
@@ -100,6 +109,16 @@ def test_groups_keep_their_light_when_others_are_dimmed_or_brightened() -> None:
     changed, _ = light_of(hall(40, (1.0, 1024.0)))
     assert np.array_equal(changed[:, 0], as_it_is[:, 0])
     assert np.allclose(changed[:, 1], 1024 * as_it_is[:, 1], rtol=1e-5)
+
+
+def test_backs_throw_back_as_much_of_many_lamps_as_of_one_of_their_power() -> None:
+    room, low, _ = furnished_room().meshes
+    around = replace(furnished_room(), meshes=(*planes(room, turned=True), low))
+    found = []
+    for count in (1, 2 * lights.MANY):
+        lamps = tuple(PointLight(f"{k}", (20 / count,) * 3, (3.5, 3.5, 4)) for k in range(count))
+        found.append(lit(replace(around, lights=lamps), page_size=64, quality="draft").of(6).mean(0))
+    assert found[1] == pytest.approx(found[0], rel=0.01)
 
 
 def test_threads_do_not_change_the_light_of_many_lamps() -> None:
@@ -111,7 +130,7 @@ def test_a_linear_field_at_nodes_is_exact_between_them() -> None:
     floor = np.flatnonzero((texels.position[:, 2] == texels.position[:, 2].min()) & texels.valid)
     inner = floor[(texels.area[floor] > 0.99 * texels.area[floor].max())]
     field = texels.position[nodes().texel] @ np.array([0.3, -0.7, 0], np.float32)
-    at = nodes().at(field[:, None], inner)[:, 0]
+    at = between(field)[inner]
     slope = at - texels.position[inner] @ np.array([0.3, -0.7, 0], np.float32)
     assert np.abs(slope).max() < 0.03  # of 6 m; the ridge takes some of the slope where few nodes are near
     assert np.median(np.abs(slope)) < 2e-3
@@ -124,9 +143,9 @@ def test_nodes_speak_for_no_texel_behind_a_wall() -> None:
     floor = (texels.normal[:, 2] > 0.9) & (place[:, 2] < 0.01) & texels.valid & (place[:, 1] < 4.5)
     west = (place[:, 0] < 2.9) & floor
     east = (place[:, 0] > 3.1) & floor
-    field = (place[nodes().texel, 0] < 3).astype(np.float32)[:, None]
-    assert np.allclose(nodes().at(field, np.flatnonzero(west)), 1, atol=1e-5)
-    assert np.allclose(nodes().at(field, np.flatnonzero(east)), 0, atol=1e-5)
+    at = between((place[nodes().texel, 0] < 3).astype(np.float32))
+    assert np.allclose(at[west], 1, atol=1e-5)
+    assert np.allclose(at[east], 0, atol=1e-5)
 
 
 def test_texels_that_look_around_find_what_whole_pages_show() -> None:

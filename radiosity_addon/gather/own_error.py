@@ -61,6 +61,9 @@ CERTAIN = 2.0
 RAYS = 1 << 15
 """Rays traced at once."""
 
+LAMP_TEXELS = 48
+"""Texels that ask lamps at once: each of many lamps is asked by as many together as threads leave."""
+
 
 @dataclass(frozen=True)
 class OwnError:
@@ -112,16 +115,20 @@ def own_error(
     groups = direct.shape[1]
     gleams = None if light.beams is None else Gleams(light.beams, texels, groups)
 
-    def work(start: int, stop: int) -> tuple[Float64, Float64]:
-        ids = np.tile(chosen[start:stop], 2)
-        half = np.repeat(np.arange(2), stop - start)
-        bounced, back = _indirect(texels, patches, ids, half, sent, light, shown, gleams, visibility)
-        lit = _direct(texels, ids, half, points, lamps, visibility, groups)
-        return (bounced + lit).reshape(2, -1), back
+    def lit(start: int, stop: int) -> Float64:
+        halves = np.repeat(np.arange(2), stop - start)
+        return _direct(texels, np.tile(chosen[start:stop], 2), halves, points, lamps, visibility, groups).reshape(2, -1)
 
+    def bounced(start: int, stop: int) -> tuple[Float64, Float64]:
+        halves = np.repeat(np.arange(2), stop - start)
+        return _indirect(
+            texels, patches, np.tile(chosen[start:stop], 2), halves, sent, light, shown, gleams, visibility
+        )
+
+    lights = yield from scaled(in_chunks(lit, len(chosen), LAMP_TEXELS, workers), 0, SHADOWS)
     each = max(1, RAYS // (2 * sent))
-    parts = yield from scaled(in_chunks(work, len(chosen), each, workers), 0, 1)
-    fresh = np.concatenate([part for part, _ in parts], axis=1)
+    parts = yield from scaled(in_chunks(bounced, len(chosen), each, workers), SHADOWS, 1)
+    fresh = np.concatenate([part.reshape(2, -1) for part, _ in parts], axis=1) + np.concatenate(lights, axis=1)
     back = float(np.concatenate([part for _, part in parts]).mean())
     own = _luminance((direct[chosen] + indirect[chosen]).reshape(len(chosen), -1)).astype(np.float64)
     scale = np.maximum(own, max(np.quantile(own, DARK), DARKEST * own.mean()))

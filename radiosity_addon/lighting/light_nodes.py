@@ -31,8 +31,8 @@ ALIKE = 0.9
 LEVEL = 0.3
 """Nodes count that lie within this share of the distance off the tangent plane."""
 
-ROUNDS = 3
-"""Nodes of a cell, at most: surfaces on both sides of a wall, of a fold, of a step."""
+ROUNDS = 6
+"""Nodes of a cell, at most: surfaces on both sides of a wall, of a fold, of a step, and what bends within it."""
 
 REACH = 2.0
 """A node counts for texels within this many widths of its cell."""
@@ -74,29 +74,28 @@ class LightNodes:
     def number(self) -> int:
         return len(self.texel)
 
-    def members(self, chosen: Bools) -> Int64:
-        """The texels that chosen (N,) nodes speak for, in page order."""
+    def members(self, chosen: Bools) -> tuple[Int64, Int32]:
+        """The texels (P,) that chosen (N,) nodes speak for, in page order, and their nodes (P,)."""
         nodes = np.flatnonzero(chosen)
-        return np.sort(self._members[ragged(self._start[nodes], self._start[nodes + 1] - self._start[nodes])])
+        texels = np.sort(self._members[ragged(self._start[nodes], self._start[nodes + 1] - self._start[nodes])])
+        return texels, self._of_texel[texels]
 
-    def around(self, flags: Bools) -> Bools:
-        """Nodes (N,) near one that is flagged (N,)."""
-        found: Bools = flags[self.near].any(1)
-        return found
+    def add(self, values: Float32, first: int, total: Float32) -> None:
+        """Add to texels' `total` (T, ...) what is known for them at nodes.
 
-    def at(self, values: Float32, texels: Int64) -> Float32:
-        """What values (N, ...) at nodes are at texels (P,) that nodes speak for: (P, ...) float32."""
-        flat = values.reshape(len(values), -1)
-        found = np.empty((len(texels), flat.shape[1]), np.float32)
+        Args:
+            values: (M, 1 + AROUND, ...) float32, for texels of the nodes from `first` on, at the nodes `near` them
+        """
+        texels = self._members[self._start[first] : self._start[first + len(values)]]
+        values = values.reshape(*values.shape[:2], -1)
         for start in range(0, len(texels), CHUNK):
-            part = slice(start, start + CHUNK)
-            near, weight = self._weights(texels[part])
-            for column, own in enumerate(flat.T):
-                found[part, column] = np.einsum("ij,ij->i", own[near], weight)
-        return found.reshape(-1, *values.shape[1:])
+            part = texels[start : start + CHUNK]
+            own = values[self._of_texel[part] - first]
+            found = np.einsum("ijk,ij->ik", own, self._weights(part))
+            total[part] += found.reshape(len(part), *total.shape[1:])
 
-    def _weights(self, texels: Int64) -> tuple[Int32, Float32]:
-        """Nodes (P, 1 + AROUND) and their weights in a plane fitted around each texel (P,); weights add up to 1."""
+    def _weights(self, texels: Int64) -> Float32:
+        """Weights (P, 1 + AROUND) of nodes in a plane fitted around each texel (P,); they add up to 1."""
         node = self._of_texel[texels]
         near = self.near[node]
         places = rows_of(self.texels.position[texels])
@@ -120,7 +119,7 @@ class LightNodes:
         along = (c * s_mean - b * t_mean) / determinant
         across = (a * t_mean - b * s_mean) / determinant
         weight *= 1 - along[:, None] * s - across[:, None] * t
-        return near, weight
+        return weight
 
     @cached_property
     def _place(self) -> Float32:
@@ -141,7 +140,7 @@ def place_nodes(texels: Texels, visibility: Visibility, spacing: float, workers:
         of_texel[left[heard]] = number + owner[heard]
         number += len(standing)
         left = left[~heard]
-        yield 0.2 * (turn + 1)
+        yield 0.6 * (turn + 1) / ROUNDS
     node = np.concatenate(places)
     order = np.argsort(of_texel, kind="stable")
     start = np.searchsorted(of_texel[order], np.arange(len(node) + 1))

@@ -187,29 +187,28 @@ def _add_many(
 ) -> Generator[float, None, None]:
     """Add the light of many lamps to `total` (T, G, 3): each at the texels that a survey names, the rest as fitted."""
     workers = settings.workers
-    asking = survey(lamps.lamps, texels, visibility, settings.steps.lamp_error, total.shape[1], workers)
-    found = yield from scaled(asking, 0, 0.3)
-    yield from scaled(found.add_field(total, workers), 0.3, 0.35)
+    asking = survey(lamps.lamps, texels, visibility, settings.steps.lamp_error, total, workers)
+    found = yield from scaled(asking, 0, 0.35)
     alone = replace(settings, threads=1)
     pages = threading.local()
 
     def arriving(first: int, one: int, _: int) -> tuple[Int64, Float32]:
-        """The texels where a lamp is treated, and its light there that `found` does not have."""
+        """The texels where a lamp is treated, and its light there."""
         number = first + one
-        ids, fitted = found.texels_of(number)
+        ids, weak = found.texels_of(number)
         if not len(ids):
-            return ids, fitted
-        some = texels
-        if len(ids) <= COPIED:
-            if not hasattr(pages, "texel_at"):
-                pages.texel_at = np.full(len(texels.texel_at), -1, np.int32)
-            some = texels.only(ids, pages.texel_at)
-        probes, shares = finish(_shares(lamps.of([number]), some, visibility, alone))
-        light = probes.light[0] * shares[0]
-        if some is texels:
-            return ids, light[:, ids] - fitted
+            return ids, np.zeros((visibility.channels, 0), np.float32)
+        if len(ids) > COPIED:
+            everywhere = np.zeros(texels.count, bool)
+            everywhere[ids] = weak
+            probes, shares = finish(_shares(lamps.of([number]), texels, visibility, alone, everywhere))
+            return ids, (probes.light[0] * shares[0])[:, ids]
+        if not hasattr(pages, "texel_at"):
+            pages.texel_at = np.full(len(texels.texel_at), -1, np.int32)
+        some = texels.only(ids, pages.texel_at)
+        probes, shares = finish(_shares(lamps.of([number]), some, visibility, alone, weak))
         pages.texel_at[some.pixel] = -1
-        return ids, light - fitted
+        return ids, probes.light[0] * shares[0]
 
     count = len(lamps.lamps)
     together = max(1, min(TOGETHER, BATCH_BYTES // (12 * max(texels.count, 1))))
@@ -241,9 +240,13 @@ def _add_batch(
 
 
 def _shares(
-    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, weak: Bools | None = None
 ) -> Fractions[tuple[Probes, list[Float32]]]:
-    """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives."""
+    """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives.
+
+    Args:
+        weak: (T,) bool, texels where few shadow rays do; None: nowhere
+    """
     number = len(batch.lamps)
     probes = Probes.none(number, texels.count, visibility)
     yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers), 0, 0.3)
@@ -253,7 +256,7 @@ def _shares(
         if not batch.lamps[index].shadow:
             return np.ones((1, 1), np.float32)
         own = replace(settings, threads=workers)
-        return (yield from _shadow(batch.lamps[index], index, texels, visibility, own, probes))
+        return (yield from _shadow(batch.lamps[index], index, texels, visibility, own, probes, weak))
 
     if number > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
         working = in_chunks(lambda start, _: finish(share_of(start, 1)), number, 1, settings.workers)
@@ -303,7 +306,13 @@ def _probe(
 
 
 def _shadow(
-    lamp: Lamp, index: int, texels: Texels, visibility: Visibility, settings: BakeSettings, probes: Probes
+    lamp: Lamp,
+    index: int,
+    texels: Texels,
+    visibility: Visibility,
+    settings: BakeSettings,
+    probes: Probes,
+    weak: Bools | None,
 ) -> Fractions[Float32]:
     """The share (C, T) of a lamp's light that arrives; yields the share done."""
     workers = settings.workers
@@ -318,9 +327,15 @@ def _shadow(
         ratio[:, dimmed] = probes.share[index][:, dimmed]
     partly = np.flatnonzero(asked & lit)
     noise = np.zeros_like(ratio)
-    rays = settings.steps.shadow_rays
-    tracing = trace_partly(lamp, texels, partly, lit, ratio, noise, visibility, rays, workers)
-    penumbra = yield from scaled(tracing, 0.1, 0.8)
+    parts = [(partly, settings.steps.shadow_rays)]
+    if weak is not None:
+        few = weak[partly]
+        parts = [(partly[few], STRATA), (partly[~few], settings.steps.shadow_rays)]
+    found = []
+    for part, rays in parts:
+        tracing = trace_partly(lamp, texels, part, lit, ratio, noise, visibility, rays, workers)
+        found.append((yield from scaled(tracing, 0.1, 0.8)))
+    penumbra = np.concatenate(found)
     if lamp.extended:
         for channel, (shares, variances) in enumerate(zip(ratio, noise, strict=True)):
             steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)

@@ -2,14 +2,15 @@
 """Many lamps: where each deserves shadow rays at every texel, and the light of the others, known at nodes.
 
 Every node asks every lamp once. Where a node and those around it saw the same of a lamp, or where it gives little, the
-lamp's light is fitted from the nodes; the rest is left to be treated texel by texel. How much a lamp may err is
-measured against its own light group: groups add up as before, and dimming a group changes none of its decisions
-(after lightcuts: Walter et al. 2005, whose bound is on a cluster's light; here it is on what a fit can miss).
+lamp's light is fitted from the nodes; the rest is left to be treated texel by texel, with few rays where it gives
+little. How much a lamp may err is measured against its own light group: groups add up as before, and dimming a group
+changes none of its decisions (after lightcuts: Walter et al. 2005, whose bound is on a cluster's light; here it is on
+what a fit can miss).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +21,11 @@ from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
 from ..sampling import hash_bits, hash_uniform
-from .lamp_samples import normals_of, rows_of
+from .lamp_samples import rows_of
 from .lamps import Lamp
 from .light_nodes import LightNodes, place_nodes
 from .shadows import shoot
-from .terminator import footing, horizons
+from .terminator import Footing, footing, horizons
 
 LEAST_SPACING = 4.0
 """Texels between nodes, at least."""
@@ -44,53 +45,42 @@ UNSURE = 0.04
 BENT = 0.3
 """A fit errs by so much of a lamp's light times the square of the light's relative range among the nodes around."""
 
-CHUNK = 64
-"""Nodes judged in one go."""
+FEW = 0.1
+"""Standard error of the share of a lamp that one ray from each stratum of a texel finds where nodes around differ."""
+
+JUDGED = 1 << 16
+"""Pairs of a node and a lamp that are judged in one go."""
 
 BLOCK = 1 << 15
 """Nodes that ask a lamp in one go."""
 
+FITTED, WEAK, STRONG = range(3)
+"""What is done about a lamp at the texels of a node: its light is fitted, or traced by few rays, or by all."""
+
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What N nodes found of L lamps.
+    """What is to be done about L lamps at the texels of N nodes.
 
     Attributes:
         nodes: the nodes
-        light: (N, L) float32, unshadowed, per unit strength
-        share: (C, N, L) uint8, of 255, what arrives of it
-        near: (L, N) bool, lamps to be treated at each texel around a node
-        field: (N, G, 3) float32, W/m2, light of all others at the nodes
+        rank: (L, N) uint8, `FITTED`, `WEAK` or `STRONG`
     """
 
     nodes: LightNodes
-    light: Float32
-    share: NDArray[np.uint8]
-    near: Bools
-    field: Float32
+    rank: NDArray[np.uint8]
 
-    def texels_of(self, lamp: int) -> tuple[Int64, Float32]:
-        """Texels (P,), in page order, at which a lamp is to be treated, and its light (C, P) that `field` has there."""
-        chosen = self.nodes.members(self.nodes.around(self.near[lamp]))
-        left = np.where(self.near[lamp], 0, self.light[:, lamp] * (self.share[:, :, lamp] * np.float32(1 / 255)))
-        fitted = self.nodes.at(np.ascontiguousarray(left.T), chosen).T
+    def texels_of(self, lamp: int) -> tuple[Int64, Bools]:
+        """Texels (P,), in page order, at which a lamp is to be treated, and at which of them it is weak."""
+        texels, node = self.nodes.members(self.rank[lamp] > FITTED)
+        weak = self.rank[lamp, node] == WEAK
         alone = self.nodes.alone
         if not len(alone):
-            return chosen, fitted
-        texels = np.concatenate([chosen, alone])
-        fitted = np.concatenate([fitted, np.zeros((len(fitted), len(alone)), np.float32)], axis=1)
+            return texels, weak
+        texels = np.concatenate([texels, alone])
+        weak = np.concatenate([weak, np.zeros(len(alone), bool)])
         order = np.argsort(texels, kind="stable")
-        return texels[order], fitted[:, order]
-
-    def add_field(self, total: Float32, workers: int) -> Fractions[list[None]]:
-        """Add the light of `field` to irradiance (T, G, 3)."""
-        texels = self.nodes.members(np.ones(self.nodes.number, bool))
-
-        def work(start: int, stop: int) -> None:
-            part = texels[start:stop]
-            total[part] += self.nodes.at(self.field, part)
-
-        return in_chunks(work, len(texels), BLOCK, workers)
+        return texels[order], weak[order]
 
 
 def survey(
@@ -98,84 +88,121 @@ def survey(
     texels: Texels,
     visibility: Visibility,
     tolerance: float,
-    group_count: int,
+    total: Float32,
     workers: int,
 ) -> Fractions[Survey]:
-    """Let nodes ask lamps, and decide which are to be treated at each texel.
+    """Let nodes ask lamps, decide which are to be treated at each texel, and add the light of the others.
 
     Args:
         tolerance: relative error that the lamps left to the nodes may add to the light of their group
+        total: (T, G, 3) float32, W/m2, irradiance that the fitted light is added to
     """
     wanted = min(texels.count / LEAST_SPACING**2, max(PAIRS / len(lamps), LEAST_NODES))
     spacing = float(np.sqrt(texels.count / max(wanted, 1)))
     nodes = yield from scaled(place_nodes(texels, visibility, spacing, workers), 0, 0.2)
     light = np.zeros((nodes.number, len(lamps)), np.float32)
     share = np.zeros((visibility.channels, nodes.number, len(lamps)), np.uint8)
+    stands = [_Stand.of(texels, nodes.texel[start : start + BLOCK]) for start in range(0, nodes.number, BLOCK)]
 
     def ask(number: int, _: int) -> None:
-        light[:, number], share[:, :, number] = _asked(lamps[number], number, nodes, visibility)
+        for block, stand in enumerate(stands):
+            part = slice(block * BLOCK, (block + 1) * BLOCK)
+            light[part, number], share[:, part, number] = stand.ask(lamps[number], number, visibility)
 
     yield from scaled(in_chunks(ask, len(lamps), 1, workers), 0.2, 0.8)
     strength = np.array([lamp.strength for lamp in lamps], np.float32)
-    group = np.array([lamp.group for lamp in lamps])
-    near = np.zeros((len(lamps), nodes.number), bool)
-    field = np.zeros((nodes.number, group_count, 3), np.float32)
+    members = _members([lamp.group for lamp in lamps])
+    rank = np.zeros((len(lamps), nodes.number), np.uint8)
 
     def judge(start: int, stop: int) -> None:
-        part = slice(start, stop)
-        unfit = _unfit(nodes.near[part], light, share, strength, group, tolerance)
-        near[:, part] = unfit.T
-        left = np.where(unfit, 0, light[part])
-        for channel in range(3):
-            arrived = left * share[channel % len(share), part] * (strength[:, channel] / np.float32(255))
-            for own in np.unique(group):
-                field[part, own, channel] = arrived[:, group == own].sum(1)
+        near = nodes.near[start:stop]
+        found = _ranks(near, light, share, strength, members, tolerance)
+        rank[:, start:stop] = found.T
+        fitted = (found == FITTED).astype(np.float32)
+        fitted *= np.float32(1 / 255)
+        field = np.zeros((*near.shape, *total.shape[1:]), np.float32)
+        for column in range(near.shape[1]):
+            left = light[near[:, column]] * fitted
+            for channel in range(3):
+                if channel < len(share):
+                    arrived = left * share[channel, near[:, column]]
+                for own, member in members.items():
+                    some = arrived if len(members) == 1 else arrived[:, member]
+                    field[:, column, own, channel] = np.einsum("nl,l->n", some, strength[member, channel])
+        nodes.add(field, start, total)
 
-    yield from scaled(in_chunks(judge, nodes.number, CHUNK, workers), 0.8, 1)
-    return Survey(nodes, light, share, near, field)
-
-
-def _asked(lamp: Lamp, number: int, nodes: LightNodes, visibility: Visibility) -> tuple[Float32, NDArray[np.uint8]]:
-    """Unshadowed light (N,) of a lamp at the nodes, and the share (C, N), of 255, of one sample that arrives."""
-    texels = nodes.texels
-    light = np.empty(nodes.number, np.float32)
-    arrives = np.full((visibility.channels, nodes.number), 255, np.uint8)
-    stratum = hash_bits(nodes.texel, number).astype(np.int64) % STRATA
-    for start in range(0, nodes.number, BLOCK):
-        part = slice(start, start + BLOCK)
-        own = nodes.texel[part]
-        shading = texels.shading_normal[own]
-        normal = horizons(texels, own, shading)
-        bent = None if np.array_equal(shading, normal) else normal
-        light[part] = lamp.light(texels.position[own], shading, bent)
-        if not lamp.shadow:
-            continue
-        lit = np.flatnonzero(light[part] > 0)
-        u, v = (hash_uniform(own[lit], 2 * number + k) for k in (0, 1))
-        places = own[lit], stratum[part][lit]
-        p = rows_of(texels.origins(*places))
-        normals = normals_of(shading[lit], None if bent is None else normal[lit])
-        _, share = shoot(lamp, p, normals, u, v, visibility, footing(texels, *places))
-        arrives[:, part] = 0
-        arrives[:, start + lit] = np.ceil(share * np.float32(255))
-    return light, arrives
+    yield from scaled(in_chunks(judge, nodes.number, max(JUDGED // len(lamps), 1), workers), 0.8, 1)
+    return Survey(nodes, rank)
 
 
-def _unfit(
+def _members(groups: Sequence[int]) -> dict[int, Int64]:
+    """The lamps of each light group."""
+    return {own: np.flatnonzero(np.array(groups) == own) for own in sorted(set(groups))}
+
+
+@dataclass(frozen=True, eq=False)
+class _Stand:
+    """Where B nodes ask lamps from.
+
+    Attributes:
+        texel: (B,) int64
+        position: (B, 3) float32, m, of the texels
+        shading: (B, 3) float32, unit normals
+        horizon: (B, 3) float32, unit normals of horizons, None where they are the shading normals
+        normals: the same as rows (3, B)
+        origins: (3, B * STRATA) float32, m, of shadow rays from each stratum
+        footing: where the rays start, likewise
+    """
+
+    texel: Int64
+    position: Float32
+    shading: Float32
+    horizon: Float32 | None
+    normals: list[Float32]
+    origins: Float32
+    footing: Footing | None
+
+    @classmethod
+    def of(cls, texels: Texels, texel: Int64) -> _Stand:
+        shading = texels.shading_normal[texel]
+        normal = horizons(texels, texel, shading)
+        horizon = None if np.array_equal(shading, normal) else normal
+        normals = [rows_of(part) for part in (shading, horizon) if part is not None]
+        places = np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel))
+        origins = rows_of(texels.origins(*places))
+        return cls(texel, texels.position[texel], shading, horizon, normals, origins, footing(texels, *places))
+
+    def ask(self, lamp: Lamp, number: int, visibility: Visibility) -> tuple[Float32, NDArray[np.uint8]]:
+        """Unshadowed light (B,) of a lamp, and the share (C, B), of 255, of one sample that arrives."""
+        light = lamp.light(self.position, self.shading, self.horizon)
+        arrives = np.full((visibility.channels, len(light)), 0 if lamp.shadow else 255, np.uint8)
+        if lamp.shadow:
+            lit = np.flatnonzero(light > 0)
+            own = self.texel[lit]
+            u, v = (hash_uniform(own, 2 * number + k) for k in (0, 1))
+            place = lit * STRATA + hash_bits(own, number).astype(np.int64) % STRATA
+            stand = None if self.footing is None else self.footing.only(place)
+            normals = [rows.take(lit, axis=1) for rows in self.normals]
+            _, share = shoot(lamp, self.origins.take(place, axis=1), normals, u, v, visibility, stand)
+            arrives[:, lit] = np.ceil(share * np.float32(255))
+        return light, arrives
+
+
+def _ranks(
     near: NDArray[np.int32],
     light: Float32,
     share: NDArray[np.uint8],
     strength: Float32,
-    group: NDArray[np.int64],
+    members: Mapping[int, Int64],
     tolerance: float,
-) -> Bools:
-    """Which lamps (C, L) are not left to the fit at nodes with neighbours `near` (C, K): the weakest are.
+) -> NDArray[np.uint8]:
+    """Ranks (C, L) of lamps at nodes with neighbours `near` (C, K).
 
     Args:
         light: (N, L) unshadowed
         share: (C, N, L), of 255
         strength: (L, 3)
-        group: (L,)
+        members: lamps of each light group
     """
     seen = share[0] if len(share) == 1 else share.mean(0, dtype=np.float32)
     low = high = seen[near[:, 0]]
@@ -186,7 +213,9 @@ def _unfit(
         low, high = np.minimum(low, own), np.maximum(high, own)
         np.maximum(bright, lit, out=bright)
         np.minimum(dark, lit, out=dark)
-    error = (high.astype(np.float32) - low) * np.float32(MIXED / 255)
+    mixed = high.astype(np.float32) - low
+    mixed *= np.float32(1 / 255)
+    error = mixed * np.float32(MIXED)
     np.maximum(error, np.float32(UNSURE), out=error)
     dark -= bright
     dark /= np.maximum(bright, np.float32(1e-30))
@@ -196,13 +225,22 @@ def _unfit(
     bright *= np.abs(strength).mean(1)
     error *= bright
     bright *= high.astype(np.float32) * np.float32(1 / 255)
-    unfit = np.zeros(bright.shape, bool)
-    for own in np.unique(group):
-        member = np.flatnonzero(group == own)
-        square = error[:, member] ** 2
-        ordered = np.sort(square, axis=1)
+    mixed *= bright
+    mixed *= np.float32(FEW)
+    rank = np.full(bright.shape, FITTED, np.uint8)
+    for member in members.values():
         most = (np.float32(tolerance) * bright[:, member].sum(1)) ** 2
-        left = (np.cumsum(ordered, axis=1) <= most[:, None]).sum(1)  # so many of the weakest together err that little
-        least = np.where(left < len(member), ordered[np.arange(len(left)), np.minimum(left, len(member) - 1)], np.inf)
-        unfit[:, member] = square >= np.maximum(least, np.float32(1e-30))[:, None]
-    return unfit
+        weak = _weakest(mixed[:, member] ** 2, most)
+        fitted = _weakest(error[:, member] ** 2, most)
+        rank[:, member] = np.where(fitted, FITTED, np.where(weak, WEAK, STRONG))
+    return rank
+
+
+def _weakest(square: Float32, most: Float32) -> Bools:
+    """As many (C, L) of the least of squared errors (C, L) as together are `most` (C,) or less."""
+    ordered = np.sort(square, axis=1)
+    count = (np.cumsum(ordered, axis=1) <= most[:, None]).sum(1)
+    last = square.shape[1] - 1
+    least = np.where(count <= last, ordered[np.arange(len(count)), np.minimum(count, last)], np.inf)
+    weakest: Bools = square < np.maximum(least, np.float32(1e-30))[:, None]
+    return weakest

@@ -14,7 +14,7 @@ from ..geometry.appearance import Appearance
 from ..geometry.footprints import STRATA
 from ..geometry.visibility import Visibility
 from ..lighting.beams import Beams
-from ..lighting.lights import Lamps, irradiance_at
+from ..lighting.lights import MANY, Lamps, irradiance_at
 from ..lighting.sky import Sky
 from ..lighting.terminator import footing
 from ..scene import Scene
@@ -82,15 +82,19 @@ def first_exitance(
     received = np.zeros((len(backs), groups, 3))
     texel = patches.any_texels()
     mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs]])
-    for sample in range(BACK_SAMPLES):
+    count = len(lamps.lamps)
+    asked, weight = [lamps] * BACK_SAMPLES, 1 / BACK_SAMPLES
+    if count >= MANY:  # each from one point
+        asked, weight = [lamps.of(range(sample, count, BACK_SAMPLES)) for sample in range(BACK_SAMPLES)], 1.0
+    for sample, some in enumerate(asked):
         samples = np.full(len(backs), sample)
         points, normals = patches.origins(backs, samples)
         stratum = patches.stratum(backs, samples)
         stand = footing(patches.texels, stratum // STRATA, stratum & (STRATA - 1), side=-1)
         received += irradiance_at(
-            lamps, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh, stand
+            some, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh, stand
         )
-    exitance[backs] = received / BACK_SAMPLES * patches.reflectance[backs, None, :]
+    exitance[backs] = received * weight * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]
     own = np.zeros_like(exitance)
     own[np.arange(patches.count), look.group[texel]] = np.maximum(patches.emission, 0)
