@@ -29,9 +29,11 @@ from ..viewing import Viewer
 from .background import MainThread, in_thread
 from .data.names import TEXELS_KEY
 from .last_bake import keep_report, stage_shares
+from .reading.cycles import Cycles
 from .reading.cycles_shader import CyclesShader
 from .reading.extract import read_scene
 from .reading.extraction import Extraction
+from .reading.second_blender import SecondBlender
 from .writing.light_mix import MOST_GROUPS
 from .writing.write_back import write_back
 
@@ -56,10 +58,12 @@ class Seat:
     Attributes:
         taken: once the scene was read; what it gives tells the viewer by the records, in the bake's own thread
         main: runs what only the main thread can
+        second_blender: takes the work of Cycles off this one, which stands still meanwhile
     """
 
     taken: Callable[[bpy.types.Scene], Callable[[Extraction], Viewer]]
     main: MainThread = field(default_factory=MainThread)
+    second_blender: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,13 +112,15 @@ def bake_scene(
         reading = Progress("Read scene", 0.0)
         yield reading
         reader = yield from _as_part_of(reading, read_scene(scene, job.objects or None))
+        cycles = _asked(seat, stack)
+        if reader.ask_cycles:
+            cycles.prepare()
         viewer_of = seat.taken(scene) if seat is not None else None
 
         def steps() -> Generator[Progress, None, tuple[Extraction, float, Baked]]:
-            extraction = yield from _as_part_of(reading, reader.extraction())
+            extraction = yield from _as_part_of(reading, reader.extraction(cycles))
             read = time.perf_counter()
-            shader = CyclesShader(scene_name, extraction)
-            shade = shader if seat is None else seat.main.runs(shader.steps)
+            shade = CyclesShader(scene_name, extraction, cycles)
             viewer = viewer_of and viewer_of(extraction)
             baked = yield from _scaled(bake(extraction.scene, job.settings, shade, viewer, shares))
             return extraction, read, baked
@@ -185,6 +191,13 @@ def bake_scene(
     )
     keep_report(_still_there(scene_name), report)
     return report
+
+
+def _asked(seat: Seat | None, stack: ExitStack) -> Cycles:
+    """Who asks Cycles, until the stack is left."""
+    if seat is None:
+        return Cycles()
+    return Cycles(seat.main.runs, stack.enter_context(SecondBlender()) if seat.second_blender else None)
 
 
 def _written(

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from radiosity_addon.blender.reading.cycles import Cycles
 from radiosity_addon.blender.reading.extract import read_scene
 from radiosity_addon.chunks import finish
 from tests.blender.added import add_cube
@@ -38,7 +39,7 @@ def test_a_scene_was_read_in_one_look_whatever_becomes_of_it_while_records_are_m
     thing.data.materials.append(emission("Glow", 3.0))
     before = extract().scene
     reading = finish(read_scene(bpy.context.scene))
-    records = reading.extraction()
+    records = reading.extraction(Cycles())
     next(records)
     bpy.data.materials.remove(thing.data.materials[0])
     for each in list(bpy.data.meshes):

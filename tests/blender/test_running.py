@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import tempfile
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,12 +72,15 @@ def page() -> np.ndarray:
     return pixels.reshape(-1, 4)[:, :3]
 
 
-def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(scene: bpy.types.Scene) -> None:
-    """The floor's colours are asked of the main thread."""
+@pytest.mark.parametrize("second_blender", [False, True])
+def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(
+    second_blender: bool, scene: bpy.types.Scene
+) -> None:
+    """The floor's colours are asked of the main thread, or of a second Blender."""
     finish(operators.bake_in_place(scene))
     alone = page()
     viewer = Onlooker()
-    finish(operators.bake_in_place(scene, Seat(viewer.seat)))
+    finish(operators.bake_in_place(scene, Seat(viewer.seat, second_blender=second_blender)))
     assert len(viewer.views) > 3
     assert np.array_equal(page(), alone)
 
@@ -95,6 +100,23 @@ def test_a_bake_in_threads_that_is_cancelled_leaves_no_trace(
             thread.join(10)  # it ends with the step that it is in, and leaves nothing either
     assert [path.name for path in tmp_path.iterdir()] == ["room.blend"]
     assert threading.active_count() == threads
+
+
+def test_a_bake_that_is_cancelled_while_a_second_blender_is_at_work_leaves_no_trace(
+    tmp_path: Path, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = snapshot()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    steps = operators.bake_in_place(scene, Seat(Onlooker().seat, second_blender=True))
+    assert any(next(tmp_path.glob("radiosity-blender-*/subject.blend"), None) for _ in steps)
+    begin = time.perf_counter()
+    steps.close()
+    assert time.perf_counter() - begin < 1
+    for thread in threading.enumerate():
+        if thread.name.startswith("radiosity"):
+            thread.join(10)
+    assert differences(before, snapshot()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["room.blend"]
 
 
 def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.Scene) -> None:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radiosity_addon.blender.reading import world
+from radiosity_addon.blender.reading import light_records
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.lighting.sky import sky_of
 from radiosity_addon.scene import Scene, SkyTile, World
@@ -22,7 +22,7 @@ SKY = "NISHITA" if bpy.app.version < (5, 0) else "MULTIPLE_SCATTERING"
 @pytest.fixture(autouse=True)
 def coarse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of fewer pixels, as many as there are things to see."""
-    monkeypatch.setattr(world, "HEIGHT", 512 if "sun" in request.node.name else 256)
+    monkeypatch.setattr(light_records, "HEIGHT", 512 if "sun" in request.node.name else 256)
 
 
 def add_world() -> tuple[bpy.types.NodeTree, bpy.types.Node]:

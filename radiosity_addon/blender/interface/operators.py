@@ -54,7 +54,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
-        self._seat = Seat(Running.seat)
+        self._seat = Seat(Running.seat, second_blender=True)
         self._steps = bake_in_place(context.scene, self._seat)
         self._timer = context.window_manager.event_timer_add(TICK_SECONDS, window=context.window)
         Running.begin(expected(context.scene).seconds)

@@ -12,20 +12,22 @@ import math
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
 
 from ...arrays import Bools, Float32, Int64
-from ...chunks import finish
 from ...errors import SceneError
 from ...pages.lightmap import grow
 from ...shading import Layout, Quantity
 from ..data.blend_files import silence
 from ..data.evaluation import quiet_handlers
+from .cycles import Cycles
 from .extraction import Extraction
 from .joined_mesh import LAYOUT_UV, Part, join
 from .look_materials import LookMaterials
+from .subject import Subject, named
 
 BAKE_HANDLERS = ("object_bake_pre", "object_bake_complete", "object_bake_cancel")
 
@@ -39,20 +41,18 @@ AROUND = np.array([[-0.45, -0.3], [0.45, -0.3], [0.0, 0.6]])
 class CyclesShader:
     """Answers for the surfaces that were extracted; see shading.Shader."""
 
-    def __init__(self, scene_name: str, extraction: Extraction) -> None:
+    def __init__(self, scene_name: str, extraction: Extraction, cycles: Cycles | None = None) -> None:
         """Args:
         scene_name: of the scene that was extracted
         extraction: what was read from it
+        cycles: is asked
         """
         self.scene_name = scene_name
         self.extraction = extraction
+        self.cycles = cycles or Cycles()
 
     def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:
-        """Colours (page_count, size, size, 3), as Cycles has them; see `steps`."""
-        return finish(self.steps(layout, meshes, quantity))
-
-    def steps(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Generator[None, None, Float32]:
-        """The same, one bake after the other. Until the end nothing else may change the file.
+        """Colours (page_count, size, size, 3), as Cycles has them.
 
         Raises:
             SceneError: the scene or a material is gone, or Cycles is disabled
@@ -64,15 +64,46 @@ class CyclesShader:
             chosen = np.flatnonzero(varies[mesh.material]) if meshes[index] and layout.page[index] >= 0 else ()
             if len(chosen):
                 uv = layout.uv[index][chosen].astype(np.float64)
-                parts[layout.page[index]].append(Part(index, mesh, self.extraction.surfaces[index], chosen, uv))
-        pages = np.zeros((layout.page_count, layout.size, layout.size, 3), np.float32)
-        asked = sorted({asked for page in parts for part in page for asked in part.surface.values})
-        studio = _Studio(self.extraction.materials, LookMaterials(quantity, asked))
-        with studio.opened(self.scene_name):
-            for page, on_page in zip(pages, parts, strict=True):
-                if on_page:
-                    page[:] = yield from _page(studio, on_page, layout.size)
-        return pages
+                shown = replace(mesh, uv=None, chart=None, flat=None)
+                parts[layout.page[index]].append(Part(shown, self.extraction.surfaces[index], chosen, uv))
+        used = sorted(
+            {int(index) for page in parts for part in page for index in np.unique(part.mesh.material[part.chosen])}
+        )
+        return self.cycles.ask(partial(self._subject, used), bake_looks, parts, layout.size, quantity)
+
+    def _subject(self, used: Sequence[int]) -> Subject:
+        """The materials of these records, and the camera, which they may ask for."""
+        scene = named(bpy.data.scenes, self.scene_name, "Scene")
+        materials = {
+            str(index): named(bpy.data.materials, self.extraction.materials[index], "Material") for index in used
+        }
+        return Subject.of(scene, {"camera": scene.camera, **materials})
+
+
+def bake_looks(
+    subject: Subject, parts: Sequence[Sequence[Part]], size: int, quantity: Quantity
+) -> Generator[None, None, Float32]:
+    """How surfaces look, (page_count, size, size, 3), one bake after the other.
+
+    Until the end nothing else may change the file.
+
+    Args:
+        subject: "camera", and the records' materials by their indices
+        parts: on each page
+        size: texels along the edge of a page
+        quantity: what is wanted
+
+    Raises:
+        SceneError: Cycles is disabled
+    """
+    pages = np.zeros((len(parts), size, size, 3), np.float32)
+    asked = sorted({asked for page in parts for part in page for asked in part.surface.values})
+    studio = _Studio(subject, LookMaterials(quantity, asked))
+    with studio.opened():
+        for page, on_page in zip(pages, parts, strict=True):
+            if on_page:
+                page[:] = yield from _page(studio, on_page, size)
+    return pages
 
 
 def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Generator[None, None, Float32]:
@@ -103,24 +134,23 @@ def _page(studio: _Studio, parts: Sequence[Part], size: int) -> Generator[None, 
 class _Studio:
     """A scene for the moment in which parts are baked."""
 
-    def __init__(self, names: Sequence[str], materials: LookMaterials) -> None:
+    def __init__(self, subject: Subject, materials: LookMaterials) -> None:
         """Args:
-        names: full name of each of the records' materials
+        subject: what is to be seen
         materials: the copies to bake
         """
-        self.names = names
+        self.subject = subject
         self.materials = materials
         self.scene: bpy.types.Scene | None = None
 
     @contextmanager
-    def opened(self, scene_name: str) -> Iterator[None]:
-        """Within, parts can be baked as the user's scene of this name shows them."""
-        user = bpy.data.scenes.get(scene_name)
-        if user is None:
-            raise SceneError(scene_name, "the scene was renamed or deleted during the bake", "Bake again")
+    def opened(self) -> Iterator[None]:
+        """Within, parts can be baked."""
         self.scene = bpy.data.scenes.new("Radiosity")
         try:
-            _set_up(self.scene, user)
+            _set_up(self.scene)
+            self.subject.pose(self.scene)
+            self.scene.camera = self.subject.datablocks.get("camera")
             yield
         finally:
             bpy.data.scenes.remove(self.scene)
@@ -153,7 +183,7 @@ class _Studio:
             placed = [replace(part, uv=(part.uv * size - low) / extent) for part in parts]
             used = join(mesh, placed, matrix, self.materials.names)
             for index in used:
-                mesh.materials.append(self.materials.of(self._material(self.names[index])))
+                mesh.materials.append(self.materials.of(self.subject.datablocks[str(index)]))
             self.materials.aim(image)
             thing = bpy.data.objects.new("Radiosity", mesh)
             thing.matrix_world = matrix.T
@@ -172,16 +202,9 @@ class _Studio:
             bpy.data.meshes.remove(mesh)  # takes its object along
             bpy.data.images.remove(image)
 
-    @staticmethod
-    def _material(name: str) -> bpy.types.Material:
-        found = next((material for material in bpy.data.materials if material.name_full == name), None)
-        if found is None:
-            raise SceneError(f"Material {name!r}", "was renamed or deleted during the bake", "Bake again")
-        return found
 
-
-def _set_up(scene: bpy.types.Scene, user: bpy.types.Scene) -> None:
-    """One sample at the centre of each texel, at the user's moment and camera."""
+def _set_up(scene: bpy.types.Scene) -> None:
+    """One sample at the centre of each texel."""
     try:
         scene.render.engine = "CYCLES"
     except TypeError as error:
@@ -191,5 +214,3 @@ def _set_up(scene: bpy.types.Scene, user: bpy.types.Scene) -> None:
     scene.cycles.device = "CPU"
     scene.cycles.samples, scene.cycles.max_bounces = 1, 0
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = scene.cycles.use_auto_tile = False
-    scene.frame_current, scene.frame_subframe = user.frame_current, user.frame_subframe
-    scene.camera = user.camera

@@ -31,6 +31,7 @@ from ..data.stand_in import as_rendered_unbaked
 from ..data.working_space import working_space
 from ..looks.surface_answers import SurfaceAnswers
 from ..looks.surface_inputs import Input
+from .cycles import Cycles
 from .extraction import Extraction, Notes, Skip, Source
 from .light_linking import Name
 from .light_records import LightRecords
@@ -50,7 +51,7 @@ MOST_ERRORS = 20
 
 def extract_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Extraction:
     """Read a scene at render settings. What an earlier bake left in it is looked through; see `read_scene`."""
-    return finish(finish(read_scene(scene, only)).extraction())
+    return finish(finish(read_scene(scene, only)).extraction(Cycles()))
 
 
 def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> Generator[None, None, Reading]:
@@ -73,7 +74,6 @@ def read_scene(scene: bpy.types.Scene, only: Collection[str] | None = None) -> G
         yield
         reading = Reading(scene, depsgraph, only)
         yield from reading.look(scene)
-    yield from reading.lights.render_world(scene)
     return reading
 
 
@@ -123,12 +123,21 @@ class Reading:
         }
         self.lights.read_world()
 
-    def extraction(self) -> Generator[None, None, Extraction]:
+    @property
+    def ask_cycles(self) -> bool:
+        """Whether there is something that only Cycles can tell."""
+        return self.lights.lack_world or any(record.varies for record in self.materials.records)
+
+    def extraction(self, cycles: Cycles) -> Generator[None, None, Extraction]:
         """The records of what was read, in steps that need no Blender any more.
+
+        Args:
+            cycles: looks at the world, if no one else could
 
         Raises:
             SceneError: something can't be baked, or nothing is left to bake
         """
+        self.lights.render_world(self.name, cycles)
         surfaces = SurfaceRecords(self.notes)
         for found in self.found:
             try:

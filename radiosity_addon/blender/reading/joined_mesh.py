@@ -26,12 +26,10 @@ class Part:
     """Triangles of one mesh that are to be baked.
 
     Attributes:
-        index: of the mesh in the extracted scene
         chosen: (K,) which of its triangles
         uv: (K, 3, 2) float64, 0 to 1 of the page
     """
 
-    index: int
     mesh: Mesh
     surface: SurfaceAnswers
     chosen: Int64

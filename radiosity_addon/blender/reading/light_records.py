@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import replace
 
 import bpy
@@ -12,10 +12,12 @@ from ...arrays import Float64
 from ...radiosity.bounces import ENDLESS
 from ...scene import Light, World
 from ..looks.nodes import LinkCycle
+from .cycles import Cycles
 from .extraction import Notes
 from .lamps import read_lamp
 from .light_linking import Name, lit_by
-from .world import read_world, render_sky
+from .subject import Subject, named
+from .world import HEIGHT, read_world, render_sky
 
 
 class LightRecords:
@@ -32,7 +34,7 @@ class LightRecords:
         self._depsgraph = depsgraph
         self._layer = depsgraph.view_layer
         self._notes = notes
-        self._to_render: bpy.types.World | None = None
+        self._to_render = ""
         self.groups: list[tuple[str, int | None]] = [("", None)]
         self.lamps: list[Light] = []
         self.linked: dict[int, Callable[[Name], bool]] = {}
@@ -69,17 +71,27 @@ class LightRecords:
             hears("has a node tree that feeds back into itself, and gives no light")
             return
         if found is None:
-            self.world, self._to_render = World(group=group), world.original
+            self.world, self._to_render = World(group=group), world.original.name_full
         else:
             self.world = found
 
-    def render_world(self, scene: bpy.types.Scene) -> Generator[None, None, None]:
+    @property
+    def lack_world(self) -> bool:
+        """Whether there is a world that no reading of nodes could tell."""
+        return bool(self._to_render)
+
+    def render_world(self, scene_name: str, cycles: Cycles) -> None:
         """Look at a world that no reading of nodes could tell; no render may be under way."""
-        world = self._to_render
-        if world is None:
+        if not self.lack_world:
             return
-        yield
-        sky = yield from render_sky(scene, world, self._notes.hears(f"World {world.name!r}"))
+
+        def subject() -> Subject:
+            world = named(bpy.data.worlds, self._to_render, "World")
+            return Subject.of(named(bpy.data.scenes, scene_name, "Scene"), {"world": world})
+
+        sky, said = cycles.ask(subject, render_sky, HEIGHT)
+        for text in said:
+            self._notes.warn(f"World {self._to_render!r}: {text}")
         self.world = replace(self.world, sky=sky)
 
     def group(self, name: str, light: bpy.types.Light | bpy.types.World | None = None) -> int:

@@ -23,6 +23,7 @@ from ...scene import SkyTile, World
 from ..data.evaluation import RENDER_HANDLERS, quiet_handlers, without_render_result
 from ..looks.materials import read_tree, rgb, tree_of
 from ..looks.nodes import LIGHT_PATH
+from .subject import Subject
 
 Warn = Callable[[str], None]
 Window = tuple[float, float, float, float]
@@ -87,27 +88,29 @@ def _refuse(text: str) -> None:
     raise _Varies
 
 
-def render_sky(
-    scene: bpy.types.Scene, world: bpy.types.World, warn: Warn
-) -> Generator[None, None, tuple[SkyTile, ...]]:
-    """The world's radiance as a diffuse ray sees it: the whole sky, and what of it has to be seen finer; () if black.
+Sky = tuple[tuple[SkyTile, ...], tuple[str, ...]]
+"""The whole sky, and what of it has to be seen finer, () if it is black; and what there is to say of it."""
+
+
+def render_sky(subject: Subject, height: int) -> Generator[None, None, Sky]:
+    """A world's radiance as a diffuse ray sees it.
 
     Each step takes a picture. Until the end nothing else may change the file.
 
     Args:
-        scene: the one whose world it is; its frame counts
-        world: the original, left as found
+        subject: "world" is the original, left as found
+        height: pixels of the whole sky from south to north
 
     Raises:
         SceneError: Cycles is disabled
     """
-    with _as_diffuse_rays_see(world, warn) as seen, _panorama(scene, seen.world) as look:
+    with _as_diffuse_rays_see(subject.datablocks["world"]) as seen, _panorama(subject, seen.world) as look:
         samples = IMAGE_SAMPLES if seen.has_images else SAMPLES
         for sun, size in seen.suns:
             sun.sun_size = max(size, FOUND_SUN)
-        whole = look(WHOLE, (2 * HEIGHT, HEIGHT), samples)
+        whole = look(WHOLE, (2 * height, height), samples)
         if not whole.any():
-            return ()
+            return (), seen.said
         for sun, size in seen.suns:
             sun.sun_size = size
         edge = BLOCK * FINER
@@ -115,7 +118,7 @@ def render_sky(
         for window in _unsure(whole, samples):
             yield
             finer.append(SkyTile(look(window, (edge, edge), FINER_SAMPLES), *window))
-    return (SkyTile(whole, *WHOLE), *finer)
+    return (SkyTile(whole, *WHOLE), *finer), seen.said
 
 
 def _unsure(whole: Float32, samples: int) -> list[Window]:
@@ -144,7 +147,7 @@ Look = Callable[[Window, tuple[int, int], int], Float32]
 
 
 @contextmanager
-def _panorama(original: bpy.types.Scene, world: bpy.types.World) -> Iterator[Look]:
+def _panorama(subject: Subject, world: bpy.types.World) -> Iterator[Look]:
     """A scene of the world alone, and how to look at it; nothing of it stays."""
     with ExitStack() as stack:
         stack.enter_context(quiet_handlers(RENDER_HANDLERS))
@@ -159,7 +162,9 @@ def _panorama(original: bpy.types.Scene, world: bpy.types.World) -> Iterator[Loo
         scene.camera.rotation_euler = (math.pi / 2, 0, -math.pi / 2)
         scene.collection.objects.link(scene.camera)
         scene.world = world
-        _set_up(scene, original, world)
+        _set_up(scene, world)
+        subject.pose(scene)
+        scene.cycles.shading_system = subject.osl
         lens = camera if hasattr(camera, "panorama_type") else camera.cycles  # before 5.0
         camera.type, lens.panorama_type = "PANO", "EQUIRECTANGULAR"
 
@@ -176,7 +181,7 @@ def _panorama(original: bpy.types.Scene, world: bpy.types.World) -> Iterator[Loo
         yield look
 
 
-def _set_up(scene: bpy.types.Scene, original: bpy.types.Scene, world: bpy.types.World) -> None:
+def _set_up(scene: bpy.types.Scene, world: bpy.types.World) -> None:
     """Cycles on the processor, box-filtered pixels, nothing denoised; a file of plain floats in the working space."""
     render, image = scene.render, scene.render.image_settings
     try:
@@ -187,7 +192,6 @@ def _set_up(scene: bpy.types.Scene, original: bpy.types.Scene, world: bpy.types.
             "only Cycles can tell how its nodes light, and Cycles is disabled",
             "Enable the Cycles Render Engine add-on, or give the world one colour",
         ) from error
-    scene.frame_current, scene.frame_subframe = original.frame_current, original.frame_subframe
     render.resolution_percentage = 100
     render.use_compositing = render.use_sequencer = render.use_file_extension = False
     if hasattr(image, "media_type"):  # from 5.0; it decides which formats there are
@@ -198,7 +202,6 @@ def _set_up(scene: bpy.types.Scene, original: bpy.types.Scene, world: bpy.types.
     cycles.pixel_filter_type = "BOX"
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.seed = 0
-    cycles.shading_system = original.cycles.shading_system
 
 
 def _pixels(path: Path) -> Float32:
@@ -222,13 +225,15 @@ class _Seen:
         groups: copies of the node groups in it, by the name of what they are copies of
         suns: Sky Texture nodes that show a sun, and its size, radians
         has_images: of any kind
+        said: what there is to say of it
     """
 
-    def __init__(self, world: bpy.types.World, warn: Warn) -> None:
+    def __init__(self, world: bpy.types.World) -> None:
         self.world = world.copy()
         self.groups: dict[str, bpy.types.NodeTree] = {}
         self.suns: list[tuple[bpy.types.ShaderNodeTexSky, float]] = []
         self.has_images = False
+        self.said: tuple[str, ...] = ()
         self.world.cycles_visibility.camera = True
         self.world.cycles.sampling_method = "NONE"  # a map for it would take longer than the picture
         tree = tree_of(self.world)
@@ -236,7 +241,7 @@ class _Seen:
             self._change(tree)
             output = tree.get_output_node("CYCLES")
             for link in list(output.inputs["Volume"].links) if output is not None else ():
-                warn("has a volume, which is ignored")
+                self.said = ("has a volume, which is ignored",)
                 tree.links.remove(link)
 
     def remove(self) -> None:
@@ -265,8 +270,8 @@ class _Seen:
 
 
 @contextmanager
-def _as_diffuse_rays_see(world: bpy.types.World, warn: Warn) -> Iterator[_Seen]:
-    seen = _Seen(world, warn)
+def _as_diffuse_rays_see(world: bpy.types.World) -> Iterator[_Seen]:
+    seen = _Seen(world)
     try:
         yield seen
     finally:
