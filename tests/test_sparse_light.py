@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,8 +17,7 @@ from radiosity_addon.lighting.lights import lamps_of
 from radiosity_addon.lighting.mesh_lamp import MeshLamp
 from radiosity_addon.lighting.sparse_light import LEAST, light_of_meshes
 from radiosity_addon.scene import Material, Mesh, Scene
-from tests.bakes import bake_of
-from tests.lamps import GREY, WHITE, ball
+from tests.lamps import GREY, WHITE
 from tests.shapes import box, cell_atlas, mesh_of, quad
 
 
@@ -89,23 +87,6 @@ def test_what_a_plane_does_not_see_is_dark() -> None:
     top = (np.abs(height - 1) < 1e-3) & (texels.shading_normal[:, 2] > 0.5)
     assert top.any()
     assert not sparse(0.05)[top].any()
-
-
-@pytest.mark.parametrize("page_size", [32, 64])
-def test_a_smooth_ball_that_shines_lights_nothing_of_itself(page_size: int) -> None:
-    """Its triangles rise above the horizons of smooth normals, and mean places over its edges lie inside it."""
-    faceted = ball(0.2, 8)
-    rounder = (faceted.vertices[faceted.triangles] / 0.2).astype(np.float32)
-    smooth = replace(faceted, corner_normals=rounder, terminator=0.1)
-    low = mesh_of("Floor", [quad((-3, -3, -1), (6, 0, 0), (0, 6, 0))], [1])
-    scene = Scene((smooth, low), (Material("Glow", emission=WHITE), GREY))
-    surfaces = flatten(scene)
-    texels = finish(rasterize(bake_of(scene, page_size=page_size).atlas, surfaces))
-    light = np.zeros((1, texels.count), np.float32)
-    finish(light_of_meshes(lamps_of(scene.moved(-surfaces.origin), surfaces).lamps, texels, light, 1))
-    own = np.einsum("ij,ij->i", texels.position + surfaces.origin, texels.position + surfaces.origin) < 0.3**2
-    assert own.sum() > 50
-    assert light[0, own].max() < 0.02 * np.pi
 
 
 def test_light_does_not_depend_on_the_number_of_threads() -> None:

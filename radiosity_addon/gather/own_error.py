@@ -236,8 +236,8 @@ def _direct(
     texel = np.repeat(ids, points)
     sample = np.tile(np.arange(points), len(ids)) + np.repeat(half, points) * points
     normals = texels.shading_normal.take(texel, axis=0)
-    mesh = texels.surfaces.shown_mesh(texels.triangle[texel])
+    front = texels.surfaces.front[texels.triangle[texel]]
     seeds = texel * 64 + sample + 5
     origins, stand = texels.origins(texel, sample), footing(texels, texel, sample)
-    light = irradiance_at(lamps, origins, normals, visibility, STRATA, seeds, groups, mesh, stand)
+    light = irradiance_at(lamps, origins, normals, visibility, STRATA, seeds, groups, front, stand)
     return _luminance(light.reshape(len(light), -1)).reshape(-1, points).mean(1, dtype=np.float64)

@@ -49,6 +49,8 @@ class PanelLamp(Lamp):
         two_sided: shines to both sides
         box: (2, 3) float32 lowest and highest corner: a closed body, which receivers outside the box see from its front
             only; None for others
+        emitter: number of the emissive surface that it stands for; -1 for none
+        leads: it is that surface's first lamp, with which goes what the surface throws on itself
     """
 
     strength: RGB
@@ -64,6 +66,8 @@ class PanelLamp(Lamp):
     box: Float32 | None
     shadow: bool
     group: int
+    emitter: int = -1
+    leads: bool = False
 
     @property
     def unevenness(self) -> float:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
@@ -12,6 +14,7 @@ from .area_lamps import PanelLamp
 from .emitter_tree import EmitterTree, halved
 from .glow import Glow
 from .mesh_lamp import MeshLamp
+from .own_faces import OwnFaces
 from .polygons import Polygon, convex_polygon, parallelogram
 
 POLYGONS = 16
@@ -30,14 +33,16 @@ FLAT = 1e-5
 """Largest distance of a quad's fourth corner from the plane of the others, and from a parallelogram, as a share."""
 
 
-def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -> tuple[list[PanelLamp], Bools]:
+def emissive_lamps(
+    scene: Scene, surfaces: Surfaces, glow: Glow | None = None
+) -> tuple[list[PanelLamp], Bools, OwnFaces]:
     """Lamps that stand for emissive triangles, one for each mesh and material, or one a channel where colours vary.
 
     Args:
         glow: what triangles emit whose emission varies; without it they emit their material's constant
 
     Returns:
-        the lamps, and (F,) which triangles they stand for; the gather finds the others
+        the lamps; (F,) which triangles they stand for, the gather finds the others; and how those light themselves
     """
     sampled = np.zeros(surfaces.count, bool)
     lamps: list[PanelLamp] = []
@@ -48,6 +53,7 @@ def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -
     glowing = np.flatnonzero(bright & (surfaces.area > 0) & surfaces.met)
     owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
+    known: list[tuple[Int64, Material]] = []
     for emitter in np.unique(owner):
         triangles = glowing[owner == emitter]
         material = scene.materials[surfaces.material[triangles[0]]]
@@ -56,13 +62,15 @@ def emissive_lamps(scene: Scene, surfaces: Surfaces, glow: Glow | None = None) -
         shining = surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
         if missed or shining <= LARGEST * surfaces.area.sum():
             if picture is not None:
-                lamps += _pictures(surfaces, triangles, picture, material)
+                found = _pictures(surfaces, triangles, picture, material)
             else:
-                lamps.append(_emitter(surfaces, triangles, polygon, material))
+                found = [_emitter(surfaces, triangles, polygon, material)]
+            lamps += [replace(lamp, emitter=len(known), leads=lamp is found[0]) for lamp in found]
+            known.append((triangles, material))
             sampled[triangles] = True
     if glow is not None:
         sampled[glow.triangle] |= ~bright[glow.triangle]  # black all over: nothing to find there
-    return lamps, sampled
+    return lamps, sampled, OwnFaces.of(known, surfaces, glow)
 
 
 def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Material) -> list[PanelLamp]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int64
+from ..arrays import Float32, Float64, Int32, Int64
 from ..geometry.appearance import within_physics
 from ..geometry.surfaces import Surfaces
 from ..scene import Scene
@@ -57,6 +57,15 @@ class Glow:
         level = self.radiance[np.searchsorted(self.triangle, triangles)].mean(2, dtype=np.float64)
         light, square = float(area[triangles] @ level.mean(1)), float(area[triangles] @ (level**2).mean(1))
         return light**2 / max(square, 1e-300)
+
+    def at(self, triangle: Int32, u: Float32, v: Float32) -> Float32:
+        """Radiance (R, 3), W/(m2 sr), at barycentrics u, v of triangles (R,) that glow."""
+        leg = np.float32(self.edge - 0.5)
+        column, row = (np.clip(part * leg, 0, self.edge - 2).astype(np.int64) for part in (u, v))
+        column = np.minimum(column, self.edge - 2 - row)
+        point = row * (self.edge - 1) - row * (row - 1) // 2 + column  # rows are the shorter the higher they are
+        found: Float32 = self.radiance[np.searchsorted(self.triangle, triangle), point]
+        return found
 
     def pieces(self, triangles: Int64, corners: Float64) -> tuple[Float64, Float64, Int64]:
         """Small triangles that make up triangles, those without light left out.

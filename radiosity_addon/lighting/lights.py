@@ -24,13 +24,14 @@ from ..geometry.visibility import Visibility
 from ..sampling import hash_uniform
 from ..scene import AreaLight, Light, Scene, SunLight
 from ..settings import BakeSettings
-from .area_lamps import area_lamp
+from .area_lamps import PanelLamp, area_lamp
 from .emitters import emissive_lamps
 from .glow import Glow
 from .lamp_samples import lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, round_lamp, sun_lamp
 from .many_lamps import survey
 from .mesh_lamp import MeshLamp
+from .own_faces import OwnFaces, add_own_light, own_irradiance_at
 from .penumbra import smooth_penumbrae
 from .shades import Probes, Shades, pooled
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
@@ -69,11 +70,15 @@ class Lamps:
     Attributes:
         lamps: one record each
         sampled: (F,) bool, triangles whose emission is in `lamps`, so that a gather must leave it out
+        own: the same triangles by their emitters, which light them apart
+        surfaces: the triangles, without backs
         receivers: (M,) bool each, meshes that a lamp lights, by index of the lamp; others light all
     """
 
     lamps: tuple[Lamp, ...]
     sampled: Bools
+    own: OwnFaces
+    surfaces: Surfaces
     receivers: Mapping[int, Bools] = field(default_factory=dict)
 
     def of(self, numbers: Sequence[int]) -> Lamps:
@@ -81,10 +86,18 @@ class Lamps:
         receivers = {k: self.receivers[number] for k, number in enumerate(numbers) if number in self.receivers}
         return replace(self, lamps=tuple(self.lamps[number] for number in numbers), receivers=receivers)
 
-    def keep_to_receivers(self, index: int, light: Float32, mesh: Int32) -> None:
-        """Put out, in place, a lamp's light (P,) on meshes (P,) that it does not light."""
+    @property
+    def emitters(self) -> set[int]:
+        """Numbers of the emissive surfaces whose first lamp is among them."""
+        return {lamp.emitter for lamp in self.lamps if isinstance(lamp, PanelLamp) and lamp.leads}
+
+    def keep_to_receivers(self, index: int, light: Float32, triangle: Int32) -> None:
+        """Put out, in place, a lamp's light (P,) on triangles (P,) of fronts that it does not light, or that it is."""
         if index in self.receivers:
-            light[~self.receivers[index][mesh]] = 0
+            light[~self.receivers[index][self.surfaces.mesh[triangle]]] = 0
+        lamp = self.lamps[index]
+        if isinstance(lamp, PanelLamp):
+            self.own.put_out(lamp.emitter, light, triangle)
 
 
 def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), glow: Glow | None = None) -> Lamps:
@@ -95,13 +108,13 @@ def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), gl
         glow: what triangles emit whose emission varies
     """
     lights = [_lamp(light, surfaces) for light in (*scene.lights, *suns)]
-    emitters, sampled = emissive_lamps(scene, surfaces, glow)
+    emitters, sampled, own = emissive_lamps(scene, surfaces, glow)
     shining = [(index, lamp) for index, lamp in enumerate([*lights, *emitters]) if any(lamp.strength)]
     receivers = {}
     for number, (index, _) in enumerate(shining):
         if index in scene.receivers:
             receivers[number] = np.isin(np.arange(len(scene.meshes)), list(scene.receivers[index]))
-    return Lamps(tuple(lamp for _, lamp in shining), sampled, receivers)
+    return Lamps(tuple(lamp for _, lamp in shining), sampled, own, surfaces, receivers)
 
 
 def _lamp(light: Light, surfaces: Surfaces) -> Lamp:
@@ -120,7 +133,7 @@ def irradiance_at(
     samples: int,
     seed_ids: Int64,
     group_count: int,
-    mesh: Int32 | None = None,
+    triangle: Int32 | None = None,
     footing: Footing | None = None,
 ) -> Float32:
     """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
@@ -130,18 +143,19 @@ def irradiance_at(
         normals: (P, 3) float32, unit
         samples: shadow rays of a point and lamp
         seed_ids: (P,) what the samples are hashed from
-        mesh: (P,) int32, that the points lie on, for lamps that do not light all
+        triangle: (P,) int32, of fronts, that the points lie on; without it all lamps light them, and no emitter its own
         footing: where the P points stand, if light that grazes surfaces is to be seen from elsewhere
     """
-    visibility = visibility.of_lamps
+    everything, visibility = visibility, visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
+    emitters = lamps.emitters
     for start in range(0, len(points), TRACE_CHUNK):
         part = slice(start, start + TRACE_CHUNK)
         shifts = hash_uniform(seed_ids[part], 0), hash_uniform(seed_ids[part], 1)
         for index, lamp in enumerate(lamps.lamps):
             light = lamp.light(points[part], normals[part], None)
-            if mesh is not None:
-                lamps.keep_to_receivers(index, light, mesh[part])
+            if triangle is not None:
+                lamps.keep_to_receivers(index, light, triangle[part])
             lit = np.flatnonzero(light > 0)
             share: Float32 = np.ones((visibility.channels, len(light)), np.float32)
             if lamp.shadow and len(lit):
@@ -156,6 +170,11 @@ def irradiance_at(
                 tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
                 share[:, lit] = tally.share()
             _add(total[part], lamp, light * share)
+        if emitters and triangle is not None:
+            own_irradiance_at(
+                lamps.own, emitters, lamps.surfaces, triangle[part], points[part], normals[part], everything, samples,
+                seed_ids[part], total[part],
+            )  # fmt: skip
     return total
 
 
@@ -167,8 +186,11 @@ def direct_irradiance(
     Returns:
         (T, G, 3) float32, W/m2; zero where a texel is not valid
     """
-    visibility = visibility.of_lamps
+    everything, visibility = visibility, visibility.of_lamps
     total = np.zeros((texels.count, group_count, 3), np.float32)
+    if lamps.emitters:
+        rays, workers = settings.steps.shadow_rays, settings.workers
+        yield from scaled(add_own_light(lamps.own, lamps.emitters, texels, everything, rays, workers, total), 0, 0)
     free = lamps.of([number for number in range(len(lamps.lamps)) if number not in lamps.receivers])
     if len(free.lamps) >= MANY:
         yield from scaled(_add_many(free, texels, visibility, settings, total), 0, len(free.lamps) / len(lamps.lamps))
@@ -187,7 +209,7 @@ def _add_many(
 ) -> Generator[float, None, None]:
     """Add the light of many lamps to `total` (T, G, 3): each at the texels that a survey names, the rest as fitted."""
     workers = settings.workers
-    asking = survey(lamps.lamps, texels, visibility, settings.steps.lamp_error, total, workers)
+    asking = survey(lamps.lamps, texels, visibility, settings.steps.lamp_error, total, lamps.own, workers)
     found = yield from scaled(asking, 0, 0.35)
     alone = replace(settings, threads=1)
     pages = threading.local()
@@ -249,7 +271,7 @@ def _shares(
     """
     number = len(batch.lamps)
     probes = Probes.none(number, texels.count, visibility)
-    yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers), 0, 0.3)
+    yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers, batch.own), 0, 0.3)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 
     def share_of(index: int, workers: int) -> Fractions[Float32]:
@@ -283,13 +305,13 @@ def _probe(
         receivers = Receivers.of(texels, ids)
         horizon = None if len(receivers.normals) == 1 else receivers.normals[1].T
         origins, footing = receivers.origins(texels, 0, count)
-        mesh = texels.surfaces.shown_mesh(texels.triangle[ids])
+        triangle = texels.surfaces.front[texels.triangle[ids]]
         for index, lamp in enumerate(batch.lamps):
             if isinstance(lamp, MeshLamp):
                 light = probes.light[index, ids]
             else:
                 light = lamp.light(points, shading, horizon)
-            batch.keep_to_receivers(index, light, mesh)
+            batch.keep_to_receivers(index, light, triangle)
             probes.light[index, ids] = light
             lit = np.flatnonzero(light > 0)
             if not lamp.shadow or not len(lit):

@@ -16,14 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Float32, Int64
+from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
 from ..sampling import hash_bits, hash_uniform
+from .area_lamps import PanelLamp
 from .lamp_samples import rows_of
 from .lamps import Lamp
 from .light_nodes import LightNodes, place_nodes
+from .own_faces import OwnFaces
 from .shadows import shoot
 from .terminator import Footing, footing, horizons
 
@@ -89,6 +91,7 @@ def survey(
     visibility: Visibility,
     tolerance: float,
     total: Float32,
+    own: OwnFaces,
     workers: int,
 ) -> Fractions[Survey]:
     """Let nodes ask lamps, decide which are to be treated at each texel, and add the light of the others.
@@ -96,6 +99,7 @@ def survey(
     Args:
         tolerance: relative error that the lamps left to the nodes may add to the light of their group
         total: (T, G, 3) float32, W/m2, irradiance that the fitted light is added to
+        own: faces that no lamp of theirs lights
     """
     wanted = min(texels.count / LEAST_SPACING**2, max(PAIRS / len(lamps), LEAST_NODES))
     spacing = float(np.sqrt(texels.count / max(wanted, 1)))
@@ -107,7 +111,7 @@ def survey(
     def ask(number: int, _: int) -> None:
         for block, stand in enumerate(stands):
             part = slice(block * BLOCK, (block + 1) * BLOCK)
-            light[part, number], share[:, part, number] = stand.ask(lamps[number], number, visibility)
+            light[part, number], share[:, part, number] = stand.ask(lamps[number], number, own, visibility)
 
     yield from scaled(in_chunks(ask, len(lamps), 1, workers), 0.2, 0.8)
     strength = np.array([lamp.strength for lamp in lamps], np.float32)
@@ -146,6 +150,7 @@ class _Stand:
 
     Attributes:
         texel: (B,) int64
+        triangle: (B,) int32, of fronts
         position: (B, 3) float32, m, of the texels
         shading: (B, 3) float32, unit normals
         horizon: (B, 3) float32, unit normals of horizons, None where they are the shading normals
@@ -155,6 +160,7 @@ class _Stand:
     """
 
     texel: Int64
+    triangle: Int32
     position: Float32
     shading: Float32
     horizon: Float32 | None
@@ -170,11 +176,16 @@ class _Stand:
         normals = [rows_of(part) for part in (shading, horizon) if part is not None]
         places = np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel))
         origins = rows_of(texels.origins(*places))
-        return cls(texel, texels.position[texel], shading, horizon, normals, origins, footing(texels, *places))
+        triangle, stand = texels.surfaces.front[texels.triangle[texel]], footing(texels, *places)
+        return cls(texel, triangle, texels.position[texel], shading, horizon, normals, origins, stand)
 
-    def ask(self, lamp: Lamp, number: int, visibility: Visibility) -> tuple[Float32, NDArray[np.uint8]]:
+    def ask(
+        self, lamp: Lamp, number: int, faces: OwnFaces, visibility: Visibility
+    ) -> tuple[Float32, NDArray[np.uint8]]:
         """Unshadowed light (B,) of a lamp, and the share (C, B), of 255, of one sample that arrives."""
         light = lamp.light(self.position, self.shading, self.horizon)
+        if isinstance(lamp, PanelLamp):
+            faces.put_out(lamp.emitter, light, self.triangle)
         arrives = np.full((visibility.channels, len(light)), 0 if lamp.shadow else 255, np.uint8)
         if lamp.shadow:
             lit = np.flatnonzero(light > 0)

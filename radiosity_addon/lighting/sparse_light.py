@@ -14,11 +14,12 @@ import numpy as np
 
 from ..arrays import Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
-from ..geometry.texels import STRATA, Texels
+from ..geometry.texels import Texels
 from .flat_cells import FlatCells
 from .lamp_samples import TINY
 from .lamps import Lamp
 from .mesh_lamp import MeshLamp
+from .own_faces import OwnFaces
 from .terminator import horizons
 
 POINTS = 5
@@ -37,9 +38,6 @@ MOST = 1 << 12
 CLEAR = 1.5
 """Nothing that shines is nearer to a rectangle's middle than this many times half its diagonal."""
 
-STEEP = np.float32(0.5)
-"""Least cosine between a texel's shading normal and a triangle's that it is raised over: a ring in few texels."""
-
 TRIED = 64
 """Rectangles tried in one go."""
 
@@ -51,9 +49,9 @@ ALONE = 1 << 12
 
 
 def light_of_meshes(
-    lamps: Sequence[Lamp], texels: Texels, light: Float32, workers: int
+    lamps: Sequence[Lamp], texels: Texels, light: Float32, workers: int, faces: OwnFaces | None = None
 ) -> Generator[float, None, None]:
-    """Fill in the rows of light (L, T) of those lamps that are meshes; yields the share done."""
+    """Fill in the rows of light (L, T) of lamps that are meshes, but for their own `faces`; yields the share done."""
     trees: dict[int, list[int]] = {}
     for index, lamp in enumerate(lamps):
         if isinstance(lamp, MeshLamp):
@@ -63,11 +61,13 @@ def light_of_meshes(
     flat = FlatCells.of(texels, LEAST)
     for done, rows in enumerate(trees.values()):
         alike = [lamp for lamp in (lamps[row] for row in rows) if isinstance(lamp, MeshLamp)]
-        steps = light_of_tree(alike, texels, flat, workers)
+        steps = light_of_tree(alike, texels, flat, workers, faces)
         light[rows] = yield from scaled(steps, done / len(trees), (done + 1) / len(trees))
 
 
-def light_of_tree(lamps: Sequence[MeshLamp], texels: Texels, flat: FlatCells, workers: int) -> Fractions[Float32]:
+def light_of_tree(
+    lamps: Sequence[MeshLamp], texels: Texels, flat: FlatCells, workers: int, faces: OwnFaces | None = None
+) -> Fractions[Float32]:
     """The light (L, T) of lamps of one tree at texels; 0 where they are not valid."""
     total = np.zeros((len(lamps), texels.count), np.float32)
     lamp, channels = lamps[0], [lamp.channel for lamp in lamps]
@@ -85,33 +85,18 @@ def light_of_tree(lamps: Sequence[MeshLamp], texels: Texels, flat: FlatCells, wo
 
     yield from scaled(in_chunks(spread, len(chosen), TRIED, workers), 0.4, 0.5)
     alone = np.sort(np.concatenate([flat.order[flat.texels(left)[0]], flat.others]))
+    if faces is not None:
+        alone = alone[faces.emitter[texels.surfaces.front[texels.triangle[alone]]] != lamp.emitter]
 
     def ask(first: int, last: int) -> None:
-        own = alone[first:last]
-        shading = texels.shading_normal.take(own, axis=0)
-        normal = horizons(texels, own, shading)
+        some = alone[first:last]
+        shading = texels.shading_normal.take(some, axis=0)
+        normal = horizons(texels, some, shading)
         bent = None if np.array_equal(shading, normal) else normal
-        total[:, own] = lamp.in_channels(channels, _raised(texels, own, shading), shading, bent)
+        total[:, some] = lamp.in_channels(channels, texels.position.take(some, axis=0), shading, bent)
 
     yield from scaled(in_chunks(ask, len(alone), ALONE, workers), 0.5, 1)
     return total
-
-
-def _raised(texels: Texels, own: Int64, shading: Float32) -> Float32:
-    """Places (B, 3), m, of texels: where they bend over an edge, over the planes of all the triangles they lie on.
-
-    The mean place of such a texel is inside the body. On one that shines it would have its faces all around.
-    """
-    place = texels.position.take(own, axis=0)
-    rise = np.zeros(len(own), np.float32)
-    for stratum in range(STRATA):
-        points, triangle = texels.points(own, np.full(len(own), stratum))
-        points -= place
-        normal = texels.surfaces.normals(triangle)
-        cosine = np.maximum(np.einsum("ij,ij->i", normal, shading), STEEP)
-        np.maximum(rise, np.einsum("ij,ij->i", points, normal) / cosine, out=rise)
-    place += shading * rise[:, None]
-    return place
 
 
 def _fitted(

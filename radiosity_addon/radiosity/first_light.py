@@ -154,12 +154,12 @@ def _direct(lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: in
     points, normals = vertices.points()
     triangle = vertices.triangle[vertices.seat]
     points += vertices.surfaces.normals(triangle) * np.float32(vertices.surfaces.offset)
-    mesh, ids = vertices.surfaces.shown_mesh(triangle), np.arange(vertices.count)
+    front, ids = vertices.surfaces.front[triangle], np.arange(vertices.count)
     light = np.zeros((vertices.count, 3), np.float32)
     for start in range(0, vertices.count, SAMPLES_AT_ONCE):
         part = slice(start, start + SAMPLES_AT_ONCE)
         found = irradiance_at(
-            lamps, points[part], normals[part], visibility.of_lamps, SHADOW_RAYS, ids[part], groups, mesh[part]
+            lamps, points[part], normals[part], visibility.of_lamps, SHADOW_RAYS, ids[part], groups, front[part]
         )
         light[part] = found.sum(1)
         yield

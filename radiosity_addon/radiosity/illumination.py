@@ -81,7 +81,7 @@ def first_exitance(
     backs = np.flatnonzero(patches.sides < 0)
     received = np.zeros((len(backs), groups, 3))
     texel = patches.any_texels()
-    mesh = patches.texels.surfaces.shown_mesh(patches.texels.triangle[texel[backs]])
+    triangle = patches.texels.surfaces.front[patches.texels.triangle[texel[backs]]]
     count = len(lamps.lamps)
     asked, weight = [lamps] * BACK_SAMPLES, 1 / BACK_SAMPLES
     if count >= MANY:  # each from one point
@@ -92,7 +92,7 @@ def first_exitance(
         stratum = patches.stratum(backs, samples)
         stand = footing(patches.texels, stratum // STRATA, stratum & (STRATA - 1), side=-1)
         received += irradiance_at(
-            some, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, mesh, stand
+            some, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, triangle, stand
         )
     exitance[backs] = received * weight * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]

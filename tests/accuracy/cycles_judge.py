@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
+from radiosity_addon.bake import Baked
+from radiosity_addon.scene import Scene
 from tests.accuracy.probes import Probes, tangents
 from tests.accuracy.smooth_probes import Hosts, host_mesh, strip
 
@@ -164,3 +167,42 @@ def measure(
     for made, *_ in targets:
         bpy.data.objects.remove(made)
     return np.array(values), seconds
+
+
+def by_cycles(baked: Baked, found: Scene, names: Collection[str], passes: set[str], samples: int) -> np.ndarray:
+    """Cycles' own bake of some objects onto the first page of a bake: (S, S), H / pi in red, -1 where it has no texel.
+
+    Args:
+        found: the scene as it was baked; each mesh of `names` is one of an object that has its own
+        passes: DIRECT, INDIRECT or both
+    """
+    import bpy
+
+    size = len(baked.pages[0])
+    image = bpy.data.images.new("Page", size, size, alpha=False, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(np.full(4 * size * size, -1, np.float32))
+    white = baked_material(image)
+    things = []
+    for mesh, uv in zip(found.meshes, baked.atlas.uv, strict=True):
+        if mesh.name not in names:
+            continue
+        thing = bpy.data.objects[mesh.name]
+        corner_uv = np.zeros((len(thing.data.loops), 2), np.float32)
+        corner_uv[mesh.corner] = uv
+        thing.data.uv_layers.active = thing.data.uv_layers.new(name="Page")
+        thing.data.uv_layers.active.data.foreach_set("uv", corner_uv.ravel())
+        if not thing.data.materials:
+            thing.data.materials.append(white)
+        for material in set(thing.data.materials) - {white}:
+            nodes = material.node_tree.nodes
+            nodes.active = nodes.new("ShaderNodeTexImage")
+            nodes.active.image = image
+        things.append(thing)
+    judge(bpy.context.scene, samples, 1, 1)
+    for thing in bpy.context.scene.objects:
+        thing.select_set(thing in things)
+    bpy.context.view_layer.objects.active = things[0]
+    bpy.ops.object.bake(type="DIFFUSE", pass_filter=passes, target="IMAGE_TEXTURES", margin=0, use_clear=False)
+    pixels = np.empty(4 * size * size, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(size, size, 4)[:, :, 0]

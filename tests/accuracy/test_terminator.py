@@ -20,9 +20,8 @@ from radiosity_addon.bake import Baked, bake
 from radiosity_addon.blender.reading.cycles_shader import CyclesShader
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
-from radiosity_addon.scene import Scene
 from radiosity_addon.settings import BakeSettings
-from tests.accuracy.cycles_judge import baked_material, judge
+from tests.accuracy.cycles_judge import by_cycles
 
 PAGE = 192
 SAMPLES = 48
@@ -76,30 +75,7 @@ def lit() -> tuple[Baked, Baked, np.ndarray]:
     found = extraction.scene
     flat = replace(found, meshes=tuple(replace(mesh, terminator=0.0) for mesh in found.meshes))
     bakes = [finish(bake(each, settings, CyclesShader(scene, extraction))) for each in (found, flat)]
-    return bakes[0], bakes[1], by_cycles(bakes[0], found)
-
-
-def by_cycles(baked: Baked, found: Scene) -> np.ndarray:
-    """Cycles' direct light / pi on the texels of a bake, (PAGE, PAGE), -1 where it has none."""
-    image = bpy.data.images.new("Page", PAGE, PAGE, alpha=False, float_buffer=True, is_data=True)
-    image.pixels.foreach_set(np.full(4 * PAGE * PAGE, -1, np.float32))
-    white = baked_material(image)
-    things = [bpy.data.objects[mesh.name] for mesh in found.meshes]
-    for thing, mesh, uv in zip(things, found.meshes, baked.atlas.uv, strict=True):
-        corner_uv = np.zeros((len(thing.data.loops), 2), np.float32)
-        corner_uv[mesh.corner] = uv
-        thing.data.uv_layers.active = thing.data.uv_layers.new(name="Page")
-        thing.data.uv_layers.active.data.foreach_set("uv", corner_uv.ravel())
-        thing.data.materials.clear()
-        thing.data.materials.append(white)
-    judge(bpy.context.scene, SAMPLES, 1, 1)
-    for thing in bpy.context.scene.objects:
-        thing.select_set(thing in things)
-    bpy.context.view_layer.objects.active = things[0]
-    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, target="IMAGE_TEXTURES", margin=0, use_clear=False)
-    pixels = np.empty(4 * PAGE * PAGE, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(PAGE, PAGE, 4)[:, :, 0]
+    return bakes[0], bakes[1], by_cycles(bakes[0], found, [mesh.name for mesh in found.meshes], {"DIRECT"}, SAMPLES)
 
 
 def test_light_that_grazes_smooth_surfaces_is_as_in_cycles_own_bake(lit: tuple[Baked, Baked, np.ndarray]) -> None:
