@@ -15,7 +15,7 @@ from ...files import Transaction
 from ..handover.export import Exported, Handover, export_lightmaps
 from .after_bake import OfBakedScene
 from .format_properties import RadiosityFileSettings
-from .panels import RenderPanel, SplitPanel
+from .panels import LATER, RenderPanel, SplitPanel
 from .properties import RELATIVE_PATH
 
 
@@ -106,6 +106,7 @@ class RADIOSITY_PT_export(SplitPanel, RenderPanel, bpy.types.Panel):
 
     bl_label = "Export"
     bl_parent_id = "RADIOSITY_PT_render"
+    bl_order = LATER
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -27,6 +27,10 @@ MOST_FINDINGS = 12
 """Findings in the panel; the command line's `info` lists them all."""
 LETTER = 0.56
 """Mean width of a letter, as a share of the font's size."""
+WIDER = 0.58
+"""Share of a row for the longer one of two words."""
+LATER = 1
+"""Place of panels below those of the bake that is there."""
 BESIDE_TEXT, BUTTON = 64, 24
 """Pixels, at scale 1, beside the lines of a text: margins, tabs, an icon; and for each button."""
 
@@ -44,7 +48,7 @@ def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     button.operator("radiosity.bake", text="Bake Again" if baked else "Bake Radiosity", icon="RENDER_STILL")
     if not baked:
         return
-    row = layout.row(align=True)
+    row = layout.split(factor=WIDER, align=True)
     hidden = shows_originals(scene)
     row.operator(
         "radiosity.toggle", text="Show Baked" if hidden else "Show Original", icon="LIGHT" if hidden else "LOOP_BACK"
@@ -109,7 +113,7 @@ def draw_text(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.typ
     room = context.region.width - (BESIDE_TEXT + buttons * BUTTON) * scale
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, max(20, int(room / letter)))):
+    for number, line in enumerate(textwrap.wrap(text, max(12, int(room / letter)))):
         column.label(text=line, icon="BLANK1" if number else icon)
 
 
@@ -152,7 +156,8 @@ class MainPanel(SplitPanel):
         draw_summary(layout, context)
         draw_essentials(layout, scene)
         if context.view_layer.lightgroups:
-            layout.prop(scene.radiosity, "light_groups")
+            row = layout.row(heading="Light Groups")
+            row.prop(scene.radiosity, "light_groups", text="Keep Apart")
         draw_estimate(layout, scene)
 
 
@@ -221,6 +226,7 @@ class RADIOSITY_PT_output(SplitPanel, RenderPanel, bpy.types.Panel):
 
     bl_label = "Output"
     bl_parent_id = "RADIOSITY_PT_render"
+    bl_order = LATER
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -237,6 +243,7 @@ class RADIOSITY_PT_solver(SplitPanel, RenderPanel, bpy.types.Panel):
 
     bl_label = "Solver"
     bl_parent_id = "RADIOSITY_PT_render"
+    bl_order = LATER
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -252,6 +259,7 @@ class RADIOSITY_PT_light_groups(RenderPanel, bpy.types.Panel):
 
     bl_label = "Light Groups"
     bl_parent_id = "RADIOSITY_PT_render"
+    bl_order = LATER
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -286,6 +294,7 @@ class RADIOSITY_PT_advanced(SplitPanel, RenderPanel, bpy.types.Panel):
 
     bl_label = "Advanced"
     bl_parent_id = "RADIOSITY_PT_render"
+    bl_order = LATER
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
