@@ -19,6 +19,7 @@ from tests.blender.test_preview import rendered
 
 ALBEDO = 0.5
 GLOW = 3.0
+SKY = (0.2, 0.4, 0.8)
 HALF = 2e-3
 """Relative; groups and their sum are rounded to half floats."""
 
@@ -107,3 +108,43 @@ def test_a_new_bake_keeps_the_mix_and_revert_takes_it_out(scene: bpy.types.Scene
     assert [image.name for image in bpy.data.images if "Key" in image.name] == ["Radiosity 1 Key"]
     bpy.ops.radiosity.revert()
     assert differences(before, snapshot()) == []
+
+
+def test_the_world_that_the_camera_sees_is_mixed_with_its_group(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    world = sky_in_a_group(scene)
+    before = snapshot()
+    bpy.ops.radiosity.bake()
+    light = page_of("Sky")
+    scene.camera.location.x = 50  # beside all else, down into the sky
+    np.testing.assert_allclose(rendered(tmp_path), SKY, rtol=1e-3)
+    slider = next(slider for slider in scene.radiosity_mix if slider.name == "Sky")
+    slider.strength, slider.color = 0.5, (1.0, 0.5, 0.0)
+    np.testing.assert_allclose(rendered(tmp_path), 0.5 * np.array(SKY) * (1.0, 0.5, 0.0), rtol=1e-3)
+    bpy.ops.radiosity.toggle()
+    np.testing.assert_allclose(rendered(tmp_path), SKY, rtol=1e-3)
+    assert scene.world == world
+    bpy.ops.radiosity.toggle()
+    bpy.ops.radiosity.bake()
+    np.testing.assert_allclose(page_of("Sky"), light, rtol=HALF, err_msg="a bake reads the world as it is unmixed")
+    assert [each.name for each in bpy.data.worlds if each.users] == [world.name, f"{world.name} (Light Mix)"]
+    bpy.ops.radiosity.revert()
+    assert scene.world == world
+    assert [each for each in differences(before, snapshot()) if each.startswith(("/worlds", "/node_groups"))] == []
+
+
+def sky_in_a_group(scene: bpy.types.Scene) -> bpy.types.World:
+    """A world of the colour SKY, whose background lies in a node group, in the light group Sky."""
+    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    inner.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    background, end = inner.nodes.new("ShaderNodeBackground"), inner.nodes.new("NodeGroupOutput")
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*SKY, 1.0), 1.0
+    inner.links.new(background.outputs[0], end.inputs[0])
+    world = scene.world = bpy.data.worlds.new("Sky")
+    world.use_nodes = True  # before Blender 5
+    world.node_tree.nodes.clear()
+    group, output = world.node_tree.nodes.new("ShaderNodeGroup"), world.node_tree.nodes.new("ShaderNodeOutputWorld")
+    group.node_tree = inner
+    world.node_tree.links.new(group.outputs[0], output.inputs["Surface"])
+    bpy.context.view_layer.lightgroups.add(name="Sky")
+    world.lightgroup = "Sky"
+    return world

@@ -51,6 +51,9 @@ PREVIEW_KEY = "radiosity_preview"
 ORIGINAL_MATERIAL_KEY = "radiosity_original"
 """On a preview material: the material that it shows, absent where the slot was empty."""
 
+ORIGINAL_WORLD_KEY = "radiosity_world"
+"""On a world that is mixed with its light group: the user's, that it shows."""
+
 PLACE_KEY = "radiosity_place"
 """On an object that shares its uv map: its uv are scale * uv + (u, v), as (scale, u, v). Preview materials read it."""
 
@@ -66,7 +69,7 @@ the instances that it makes stay in sight when the bake is shown again."""
 
 SHOWN_KEY = "radiosity_shown"
 """While the originals are shown: on a stand-in its visibility, on other objects and meshes the preview material of
-each slot, by its index."""
+each slot, by its index, on the scene its mixed world."""
 
 KEYS = (
     BAKE_KEY, PAGE_KEY, BACK_PAGE_KEY, STAND_IN_KEY, HIDDEN_KEY, UV_KEY, SLOT_KEY, PREVIEW_KEY, ORIGINAL_MATERIAL_KEY,
@@ -111,6 +114,11 @@ def original_material(material: bpy.types.Material | None) -> bpy.types.Material
     if material is not None and is_preview(material):
         return material.get(ORIGINAL_MATERIAL_KEY)
     return material
+
+
+def original_world(world: bpy.types.World | None) -> bpy.types.World | None:
+    """The user's world behind one that is mixed with its light group; any other world is its own original."""
+    return world and (world.get(ORIGINAL_WORLD_KEY) or world)
 
 
 def has_our_uv_map(mesh: bpy.types.Mesh) -> bool:

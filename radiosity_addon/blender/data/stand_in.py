@@ -16,7 +16,16 @@ import bpy
 import numpy as np
 
 from .evaluation import at_render_settings
-from .names import BAKE_KEY, HIDDEN_KEY, KEYS, STAND_IN_KEY, is_behind_stand_in, is_stand_in, original_material
+from .names import (
+    BAKE_KEY,
+    HIDDEN_KEY,
+    KEYS,
+    STAND_IN_KEY,
+    is_behind_stand_in,
+    is_stand_in,
+    original_material,
+    original_world,
+)
 from .spline_meshes import spline_mesh
 
 LOOKS = (
@@ -181,8 +190,9 @@ def swap_out(original: bpy.types.Object) -> None:
 
 @contextmanager
 def as_unbaked(scene: bpy.types.Scene) -> Iterator[None]:
-    """Within, the originals are seen as before the bake and the stand-ins are not."""
+    """Within, the originals and the user's world are seen as before the bake, and the stand-ins are not."""
     things = [thing for thing in scene.objects if is_stand_in(thing) or is_behind_stand_in(thing)]
+    world, scene.world = scene.world, original_world(scene.world)
     before = [(thing, {name: getattr(thing, name) for name in VISIBILITY}) for thing in things]
     for thing in things:
         if is_stand_in(thing):
@@ -193,6 +203,7 @@ def as_unbaked(scene: bpy.types.Scene) -> Iterator[None]:
     try:
         yield
     finally:
+        scene.world = world
         for thing, visibility in before:
             for name, shown in visibility.items():
                 setattr(thing, name, shown)

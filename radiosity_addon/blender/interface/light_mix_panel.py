@@ -10,7 +10,7 @@ from bpy.props import CollectionProperty, FloatProperty, FloatVectorProperty
 
 from ..looks.node_arithmetic import WHITE
 from ..writing.light_mix import mixed_colors
-from .panels import RenderPanel, SidebarPanel, draw_text
+from .panels import RenderPanel, SidebarPanel
 from .running import Running
 
 
@@ -85,9 +85,6 @@ class MixPanel:
             tint.prop(group, "color", text="")
             row.prop(group, "strength", text="", slider=True)
         layout.operator("radiosity.reset_mix", icon="LOOP_BACK")
-        world = context.scene.world
-        if world is not None:
-            draw_text(layout, f"{world.name} is not mixed where the camera sees it", "WORLD", context, 0)
 
 
 class RADIOSITY_PT_mix(MixPanel, RenderPanel, bpy.types.Panel):

@@ -22,6 +22,7 @@ from ..data.names import (
     is_preview,
     is_stand_in,
     original_material,
+    original_world,
 )
 from ..data.stand_in import hide, swap_out
 from .revert import of_bake, restore_slots
@@ -55,6 +56,8 @@ def show_originals(scene: bpy.types.Scene) -> None:
     for thing in bpy.data.objects:
         if not is_stand_in(thing):
             _undress(thing, token)
+    if original_world(scene.world) != scene.world:
+        scene[SHOWN_KEY], scene.world = scene.world, original_world(scene.world)
     scene[ORIGINALS_KEY] = True
 
 
@@ -62,6 +65,10 @@ def show_bake(scene: bpy.types.Scene) -> None:
     """Show the bake of a scene again."""
     token = scene[BAKE_KEY]
     del scene[ORIGINALS_KEY]
+    if SHOWN_KEY in scene:
+        if scene.world == original_world(scene[SHOWN_KEY]):
+            scene.world = scene[SHOWN_KEY]
+        del scene[SHOWN_KEY]
     for mesh in of_bake(bpy.data.meshes, token):
         if SHOWN_KEY in mesh:
             for index, preview in mesh[SHOWN_KEY].items():

@@ -21,6 +21,7 @@ from ..data.names import (
     is_preview,
     is_stand_in,
     original_material,
+    original_world,
 )
 from ..data.stand_in import set_materials, swap_out
 
@@ -41,6 +42,9 @@ def take_out(token: str) -> None:
             swap_out(thing)
         if SLOTS_KEY in thing:
             restore_slots(thing)
+    for world in of_bake(bpy.data.worlds, token):
+        world.user_remap(original_world(world))
+        bpy.data.worlds.remove(world)
     _remove_previews(token)
     for mesh in of_bake(bpy.data.meshes, token):
         if STAND_IN_KEY in mesh and mesh.users == 0:

@@ -43,6 +43,7 @@ from ..looks.surface_inputs import OF_STAND_INS, property_of
 from ..reading.extraction import Extraction, Source
 from .instance_stand_ins import Replacement, replace_instancers
 from .light_mix import load_mix, sliders_of
+from .mixed_world import mix_world
 from .page_images import load_page
 from .preview_materials import PreviewMaterials
 from .revert import take_out
@@ -159,6 +160,7 @@ def write_back(
         scene[BAKE_KEY] = token
         _switch(places, replacements, previews, mode, token)
         if mix is not None:
+            mix_world(scene, extraction.scene.groups[extraction.scene.world.group], mix)
             mix.connect(scene, sliders)
     except BaseException:
         take_out(token)
