@@ -68,6 +68,12 @@ def lit_areas(meshes: Sequence[Mesh]) -> list[tuple[str, float]]:
     ]
 
 
+def shining_faces(scene: Scene) -> int:
+    """How many triangles emit light."""
+    shines = np.array([any(material.emission) for material in scene.materials], bool)
+    return sum(int(shines[mesh.material].sum()) for mesh in scene.meshes if len(mesh.material))
+
+
 def _area(mesh: Mesh) -> float:
     a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -23,6 +23,12 @@ SECONDS = {"draft": (0.8, 7e-6), "medium": (2.3, 9e-6), "high": (4.3, 12e-6)}
 """Seconds that the light of a bake takes at least, and for each texel: between a Cornell box and a furnished room, on
 two cores."""
 
+SECONDS_OF_FACES = 5e-9
+"""Seconds, for each texel, of each triangle that shines: from a room with glowing lamps to a gallery of neon tubes."""
+
+MOST_FACES = 10_000
+"""Of these, as many as are told apart: far ones shine together."""
+
 FIXED_STAGES = ("Read scene", "Unwrap", "Transparency", "Write back")
 """Stages whose time follows from the scene, however many texels and rays are spent on it."""
 
@@ -67,7 +73,9 @@ class Estimate:
     seconds: float
 
 
-def estimate(area: float | None, settings: BakeSettings, groups: int = 1, pace: Pace | None = None) -> Estimate:
+def estimate(
+    area: float | None, settings: BakeSettings, groups: int = 1, pace: Pace | None = None, shining: int = 0
+) -> Estimate:
     """What a bake of surfaces of this area will take.
 
     Args:
@@ -75,6 +83,7 @@ def estimate(area: float | None, settings: BakeSettings, groups: int = 1, pace: 
             which is enough to fill a page
         groups: page groups, each of which fills pages of its own
         pace: of machine and scene
+        shining: triangles that do, as far as the pace does not know of them
     """
     pace = pace or Pace()
     page = settings.page_size**2
@@ -85,7 +94,8 @@ def estimate(area: float | None, settings: BakeSettings, groups: int = 1, pace: 
     elif area:
         texels = area * density**2
         pages = max(groups, math.ceil(texels / (FILLED * page)))
-    seconds = pace.fixed + pace.slowness * _seconds(texels, settings.quality)
+    faces = SECONDS_OF_FACES * min(shining, MOST_FACES) * texels
+    seconds = pace.fixed + pace.slowness * (_seconds(texels, settings.quality) + faces)
     return Estimate(pages, round(texels), density, memory_of(texels), seconds)
 
 

@@ -13,6 +13,7 @@ from radiosity_addon.blender.headless.commands import info
 from radiosity_addon.blender.interface.scene_check import Checked, expected
 from radiosity_addon.blender.reading.inspection import inspect, subject_of
 from tests.blender.built import add_lamp, add_mesh
+from tests.blender.materials import shader
 
 
 def findings() -> set[tuple[str, str]]:
@@ -92,6 +93,15 @@ def test_a_check_tells_the_area_and_what_a_density_takes() -> None:
     settings.density = 20.0
     assert expected(bpy.context.scene).texels == 6400, "without another check"
     assert Checked.is_stale(bpy.context.scene)
+
+
+def test_a_check_knows_of_what_shines_and_that_it_takes_longer() -> None:
+    add_mesh("Floor")
+    before = expected(bpy.context.scene).seconds
+    add_mesh("Sign").data.materials.append(shader("Glow", "ShaderNodeEmission", Strength=1.0))
+    bpy.ops.radiosity.check()
+    assert Checked.of(bpy.context.scene).shining == 2
+    assert expected(bpy.context.scene).seconds > before
 
 
 def test_moving_an_object_makes_a_check_stale_and_a_new_one_does_not_stay_so() -> None:

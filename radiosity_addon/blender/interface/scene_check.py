@@ -12,7 +12,7 @@ from bpy.props import StringProperty
 from ...errors import explained
 from ...estimate import Estimate, estimate
 from ...reports.report import count_of
-from ..data.names import BAKE_KEY
+from ..data.names import BAKE_KEY, REPORT_KEY
 from ..last_bake import pace
 from ..reading.inspection import Inspection, inspect
 from ..writing.originals import shows_originals
@@ -55,7 +55,8 @@ def expected(scene: bpy.types.Scene) -> Estimate:
     known = Checked.of(scene)
     settings = scene.radiosity.bake_settings()
     area, groups = (known.area, known.page_groups) if known else (None, 1)
-    return estimate(area, settings, max(groups, 1), pace(scene))
+    shining = known.shining if known and REPORT_KEY not in scene else 0  # the last bake of a scene knows of them
+    return estimate(area, settings, max(groups, 1), pace(scene), shining)
 
 
 class RADIOSITY_OT_check(bpy.types.Operator):

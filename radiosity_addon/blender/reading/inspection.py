@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from ...checks import Finding, check, lit_areas
+from ...checks import Finding, check, lit_areas, shining_faces
 from ...errors import SceneError
 from ...settings import BakeSettings
 from .extract import LEFT_OUT, extract_scene
@@ -26,12 +26,14 @@ class Inspection:
         area: m2 of all that gets a lightmap, times density multipliers squared; None: the scene can't be read
         objects: how many get a lightmap, instances counted
         page_groups: how many page groups they are in
+        shining: how many triangles emit light
     """
 
     findings: tuple[Finding, ...]
     area: float | None = None
     objects: int = 0
     page_groups: int = 1
+    shining: int = 0
 
     def without(self, subject: str) -> Inspection:
         """The same, less what was found to be inside out and has been turned."""
@@ -53,6 +55,7 @@ def inspect(scene: bpy.types.Scene, settings: BakeSettings) -> Inspection:
         area=sum(area for _, area in areas),
         objects=len(areas),
         page_groups=len({mesh.page_group for mesh in meshes if mesh.lightmapped and len(mesh.triangles)}),
+        shining=shining_faces(extraction.scene),
     )
 
 
