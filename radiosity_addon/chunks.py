@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Generator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Generic, TypeVar
 
 S = TypeVar("S")
@@ -20,9 +20,12 @@ U = TypeVar("U")
 Fractions = Generator[float, None, T]
 """Yields the share done, 0..1; returns a result."""
 
+LONGEST_WAIT = 0.1
+"""Seconds that a chunk is waited for before the share done is yielded again, for whoever may cancel."""
+
 
 def in_chunks(work: Callable[[int, int], T], count: int, chunk: int, workers: int) -> Fractions[list[T]]:
-    """Run work(start, stop) over 0..count and yield the share done after each chunk.
+    """Run work(start, stop) over 0..count and yield the share done after each chunk, and while one takes long.
 
     Closing the generator cancels what has not started and waits for what has. At most two chunks a
     worker are in flight, so memory is bounded by the chunk, not by the count.
@@ -41,11 +44,51 @@ def in_chunks(work: Callable[[int, int], T], count: int, chunk: int, workers: in
         while waiting or pending:
             while waiting and len(pending) < 2 * workers:
                 pending.append(pool.submit(work, *waiting.popleft()))
+            while not wait([pending[0]], LONGEST_WAIT).done:
+                yield len(results) / len(spans)
             results.append(pending.popleft().result())
             yield len(results) / len(spans)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return results
+
+
+def side_by_side(work: Callable[[int], Fractions[T]], count: int, workers: int) -> Fractions[list[T]]:
+    """Take the steps of work(0), work(1), ... with a thread for each, and yield the share done.
+
+    Closing the generator closes those that are under way after the steps that they are in.
+    """
+    if workers == 1:
+        found = []
+        for number in range(count):
+            found.append((yield from scaled(work(number), number / count, (number + 1) / count)))
+        return found
+    stopped = threading.Event()
+
+    def whole(number: int, _: int) -> T:
+        steps = work(number)
+        try:
+            while not stopped.is_set():
+                next(steps)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        finally:
+            steps.close()
+        raise CancelledError
+
+    running = in_chunks(whole, count, 1, workers)
+    try:
+        while True:
+            try:
+                share = next(running)
+            except StopIteration as stop:
+                results: list[T] = stop.value
+                return results
+            yield share
+    finally:
+        stopped.set()
+        running.close()
 
 
 def finish(steps: Generator[object, None, T]) -> T:

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from radiosity_addon.chunks import finish, in_chunks, scaled, while_aside
+from radiosity_addon.chunks import LONGEST_WAIT, finish, in_chunks, scaled, side_by_side, while_aside
 
 
 def shares(steps):
@@ -91,6 +91,64 @@ def test_an_error_in_a_chunk_reaches_the_caller(workers):
 
     with pytest.raises(RuntimeError, match="third"):
         finish(in_chunks(work, 9, 1, workers))
+
+
+def test_whoever_takes_the_steps_has_a_turn_while_a_chunk_takes_long():
+    gate = threading.Event()
+
+    def work(start, stop):
+        assert gate.wait(5)
+        return start
+
+    steps = in_chunks(work, 2, 1, 2)
+    begin = time.perf_counter()
+    assert next(steps) == 0
+    assert time.perf_counter() - begin < 10 * LONGEST_WAIT
+    gate.set()
+    assert finish(steps) == [0, 1]
+
+
+def halves(number):
+    yield 0.5
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_steps_are_taken_side_by_side_and_their_results_come_in_order(workers):
+    seen, results = shares(side_by_side(halves, 5, workers))
+    assert results == [0, 1, 2, 3, 4]
+    assert seen == sorted(seen)
+    assert 0 < seen[-1] <= 1
+
+
+def test_closing_ends_what_goes_on_side_by_side_after_the_steps_that_it_is_in():
+    closed = []
+
+    def endless(number):
+        try:
+            while True:
+                time.sleep(0.01)
+                yield 0.0
+        finally:
+            closed.append(number)
+
+    steps = side_by_side(endless, 5, 2)
+    next(steps)
+    begin = time.perf_counter()
+    steps.close()
+    assert time.perf_counter() - begin < 1
+    assert sorted(closed) == [0, 1]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_in_what_goes_on_side_by_side_reaches_the_caller(workers):
+    def failing(number):
+        yield 0.5
+        if number == 3:
+            raise RuntimeError("third")
+
+    with pytest.raises(RuntimeError, match="third"):
+        finish(side_by_side(failing, 5, workers))
 
 
 def test_scaled_maps_shares_and_hands_the_result_on():

@@ -56,7 +56,7 @@ def before_a_wall(mesh: Mesh, *materials: Material) -> Scene:
 def light_at(scene: Scene, points: Float64, normals: Float32, shown=half_and_half) -> Float32:
     found, visibility, origin = lamps(scene, shown)
     ids = np.arange(len(points))
-    return irradiance_at(found, (points - origin).astype(np.float32), normals, visibility, 16, ids, 1)[:, 0]
+    return finish(irradiance_at(found, (points - origin).astype(np.float32), normals, visibility, 16, ids, 1))[:, 0]
 
 
 def receivers(count: int = 200) -> tuple[Float64, Float32]:

@@ -249,7 +249,7 @@ def test_irradiance_at_points_agrees_with_texels() -> None:
     floor = stage.on_floor()[::7]
     texels = stage.texels
     lifted = texels.position[floor] + stage.surfaces.offset * texels.normal[floor]
-    found = irradiance_at(stage.lamps, lifted, texels.normal[floor], stage.visibility, 64, floor, 1)
+    found = finish(irradiance_at(stage.lamps, lifted, texels.normal[floor], stage.visibility, 64, floor, 1))
     error = (found - stage.direct[floor])[:, 0, 0] / stage.direct[floor].max()
     assert np.sqrt(np.mean(error**2)) < 0.015
     assert abs(error.mean()) < 2e-3

@@ -68,7 +68,7 @@ def test_all_that_the_inside_of_a_glowing_ball_sees_glows() -> None:
     surfaces = lamps.surfaces
     triangle = np.arange(len(shape.triangles), dtype=np.int32)
     points = surfaces.corners[triangle].mean(1) + surfaces.normal[triangle] * np.float32(surfaces.offset)
-    light = irradiance_at(lamps, points, surfaces.normal[triangle], visibility, 64, triangle, 1, triangle)
+    light = finish(irradiance_at(lamps, points, surfaces.normal[triangle], visibility, 64, triangle, 1, triangle))
     np.testing.assert_allclose(light[:, 0] / np.pi, 1, rtol=1e-5)
 
 
@@ -85,7 +85,7 @@ def test_backs_of_faces_are_lit_as_fronts_are() -> None:
     own = np.flatnonzero(surfaces.mesh[texels.triangle[:]] == 0)
     triangle, normal = texels.triangle[own], texels.normal[own]
     points = texels.position[own] - normal * np.float32(surfaces.offset)
-    light = irradiance_at(lamps, points, -normal, visibility, 64, own, 1, triangle)[:, 0, 0] / np.pi
+    light = finish(irradiance_at(lamps, points, -normal, visibility, 64, own, 1, triangle))[:, 0, 0] / np.pi
     assert np.average(light, weights=texels.area[own]) == pytest.approx(FACING, rel=5e-3)
 
 

@@ -109,7 +109,7 @@ def test_points_are_lit_as_the_texels_that_they_lie_in() -> None:
         places = ids, np.full(len(ids), stratum)
         points, stand = texels.origins(*places), footing(texels, *places)
         normals = texels.shading_normal[ids]
-        found += irradiance_at(lamps, points, normals, visibility, 1, ids, 1, None, stand)[:, 0, 0] / 4
+        found += finish(irradiance_at(lamps, points, normals, visibility, 1, ids, 1, None, stand))[:, 0, 0] / 4
     assert np.abs(found - light[ids]).mean() < 1e-3
 
 

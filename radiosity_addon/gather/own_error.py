@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
-from ..chunks import Fractions, in_chunks, scaled
+from ..chunks import Fractions, finish, in_chunks, scaled
 from ..columns import dots, sums
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility, passing_chance
@@ -239,5 +239,5 @@ def _direct(
     front = texels.surfaces.front[texels.triangle[texel]]
     seeds = texel * 64 + sample + 5
     origins, stand = texels.origins(texel, sample), footing(texels, texel, sample)
-    light = irradiance_at(lamps, origins, normals, visibility, STRATA, seeds, groups, front, stand)
+    light = finish(irradiance_at(lamps, origins, normals, visibility, STRATA, seeds, groups, front, stand))
     return _luminance(light.reshape(len(light), -1)).reshape(-1, points).mean(1, dtype=np.float64)

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
-from ..chunks import Fractions, finish, in_chunks, scaled
+from ..chunks import Fractions, in_chunks, scaled, side_by_side
 from ..geometry.surfaces import Surfaces
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
@@ -135,8 +135,8 @@ def irradiance_at(
     group_count: int,
     triangle: Int32 | None = None,
     footing: Footing | None = None,
-) -> Float32:
-    """Direct irradiance at any points, each with its own shadow rays: (P, G, 3) float32, W/m2.
+) -> Fractions[Float32]:
+    """Direct irradiance at any points, each with its own shadow rays; yields the share done.
 
     Args:
         points: (P, 3) float32, m, lifted off their surfaces
@@ -145,6 +145,9 @@ def irradiance_at(
         seed_ids: (P,) what the samples are hashed from
         triangle: (P,) int32, of fronts, that the points lie on; without it all lamps light them, and no emitter its own
         footing: where the P points stand, if light that grazes surfaces is to be seen from elsewhere
+
+    Returns:
+        (P, G, 3) float32, W/m2
     """
     everything, visibility = visibility, visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
@@ -170,6 +173,7 @@ def irradiance_at(
                 tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
                 share[:, lit] = tally.share()
             _add(total[part], lamp, light * share)
+            yield (start + (index + 1) / len(lamps.lamps) * len(light)) / len(points)
         if emitters and triangle is not None:
             own_irradiance_at(
                 lamps.own, emitters, lamps.surfaces, triangle[part], points[part], normals[part], everything, samples,
@@ -214,7 +218,7 @@ def _add_many(
     alone = replace(settings, threads=1)
     pages = threading.local()
 
-    def arriving(first: int, one: int, _: int) -> tuple[Int64, Float32]:
+    def arriving(first: int, one: int) -> Fractions[tuple[Int64, Float32]]:
         """The texels where a lamp is treated, and its light there."""
         number = first + one
         ids, weak = found.texels_of(number)
@@ -223,12 +227,12 @@ def _add_many(
         if len(ids) > COPIED:
             everywhere = np.zeros(texels.count, bool)
             everywhere[ids] = weak
-            probes, shares = finish(_shares(lamps.of([number]), texels, visibility, alone, everywhere))
+            probes, shares = yield from _shares(lamps.of([number]), texels, visibility, alone, everywhere)
             return ids, (probes.light[0] * shares[0])[:, ids]
         if not hasattr(pages, "texel_at"):
             pages.texel_at = np.full(len(texels.texel_at), -1, np.int32)
         some = texels.only(ids, pages.texel_at)
-        probes, shares = finish(_shares(lamps.of([number]), some, visibility, alone, weak))
+        probes, shares = yield from _shares(lamps.of([number]), some, visibility, alone, weak)
         pages.texel_at[some.pixel] = -1
         return ids, probes.light[0] * shares[0]
 
@@ -236,7 +240,7 @@ def _add_many(
     together = max(1, min(TOGETHER, BATCH_BYTES // (12 * max(texels.count, 1))))
     for start in range(0, count, together):
         few = lamps.lamps[start : start + together]
-        steps = in_chunks(partial(arriving, start), len(few), 1, workers)
+        steps = side_by_side(partial(arriving, start), len(few), workers)
         parts = yield from scaled(steps, 0.35 + 0.65 * start / count, 0.35 + 0.65 * (start + len(few)) / count)
         for lamp, (ids, arrived) in zip(few, parts, strict=True):
             sum_ = total[ids]
@@ -281,7 +285,7 @@ def _shares(
         return (yield from _shadow(batch.lamps[index], index, texels, visibility, own, probes, weak))
 
     if number > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
-        working = in_chunks(lambda start, _: finish(share_of(start, 1)), number, 1, settings.workers)
+        working = side_by_side(lambda index: share_of(index, 1), number, settings.workers)
         return probes, (yield from scaled(working, 0.5, 1))
     shares = []
     for index in range(number):

@@ -102,9 +102,14 @@ def _exchange(
     )
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, start.sky))
     sky = sky_irradiance(transport, scene)
-    exitance = first_exitance(patches, look, start.direct, sky, start.lamps, visibility, len(scene.groups))
-    between = _solve(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
-    solution, passes = yield from log.stage("Radiosity", between)
+
+    def between() -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
+        asking = first_exitance(patches, look, start.direct, sky, start.lamps, visibility, len(scene.groups))
+        exitance = yield from scaled(asking, 0, 0.3)
+        solving = _solve(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
+        return (yield from scaled(solving, 0.3, 1))
+
+    solution, passes = yield from log.stage("Radiosity", between())
     return Exchange(patches, passes, solution)
 
 

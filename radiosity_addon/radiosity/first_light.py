@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from ..arrays import Float32, Int32, Int64
+from ..chunks import finish
 from ..geometry.sides import seen_side
 from ..geometry.surfaces import flatten
 from ..geometry.texels import Texels
@@ -158,10 +159,10 @@ def _direct(lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: in
     light = np.zeros((vertices.count, 3), np.float32)
     for start in range(0, vertices.count, SAMPLES_AT_ONCE):
         part = slice(start, start + SAMPLES_AT_ONCE)
-        found = irradiance_at(
+        asking = irradiance_at(
             lamps, points[part], normals[part], visibility.of_lamps, SHADOW_RAYS, ids[part], groups, front[part]
         )
-        light[part] = found.sum(1)
+        light[part] = finish(asking).sum(1)
         yield
     return light
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32
-from ..chunks import Fractions, in_chunks
+from ..chunks import Fractions, in_chunks, scaled
 from ..columns import sums
 from ..geometry.appearance import Appearance
 from ..geometry.footprints import STRATA
@@ -75,7 +75,7 @@ def first_exitance(
     lamps: Lamps,
     visibility: Visibility,
     groups: int,
-) -> Exitance:
+) -> Fractions[Exitance]:
     """What each patch sends out before any bounce: own light, and reflected light of lamps and sky."""
     exitance = patches.mean(direct, look.reflectance)
     backs = np.flatnonzero(patches.sides < 0)
@@ -91,9 +91,9 @@ def first_exitance(
         points, normals = patches.origins(backs, samples)
         stratum = patches.stratum(backs, samples)
         stand = footing(patches.texels, stratum // STRATA, stratum & (STRATA - 1), side=-1)
-        received += irradiance_at(
-            some, points, normals, visibility, BACK_SAMPLES, backs * BACK_SAMPLES + sample, groups, triangle, stand
-        )
+        seeds = backs * BACK_SAMPLES + sample
+        asking = irradiance_at(some, points, normals, visibility, BACK_SAMPLES, seeds, groups, triangle, stand)
+        received += yield from scaled(asking, sample / BACK_SAMPLES, (sample + 1) / BACK_SAMPLES)
     exitance[backs] = received * weight * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]
     own = np.zeros_like(exitance)

@@ -285,7 +285,7 @@ def direct_light(points: Probes) -> np.ndarray:
     lamps = lamps_of(scene.moved(-surfaces.origin), surfaces)
     receivers = position.astype(np.float32), points.normal.astype(np.float32)
     ids = np.arange(len(position))
-    return irradiance_at(lamps, *receivers, Visibility(surfaces.corners), SHADOW_SAMPLES, ids, 1)[:, 0]
+    return finish(irradiance_at(lamps, *receivers, Visibility(surfaces.corners), SHADOW_SAMPLES, ids, 1))[:, 0]
 
 
 SUNK_LAMPS = {
