@@ -242,7 +242,7 @@ def _fronts(scene: Scene, first: Int64) -> Int32:
 
 
 def _joined(parts: list, empty: tuple[int, ...], dtype: type) -> np.ndarray:  # type: ignore[type-arg]
-    return np.concatenate(parts).astype(dtype) if parts else np.zeros(empty, dtype)
+    return np.concatenate(parts).astype(dtype, copy=False) if parts else np.zeros(empty, dtype)
 
 
 def _rows(corners: Float32) -> Float32:

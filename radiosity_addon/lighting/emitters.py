@@ -151,9 +151,12 @@ def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Mat
         corners[inward] = corners[inward][:, ::-1]
     quads = _quads(corners, polygon[triangles])
     merged = {index for pair, _ in quads for index in pair}
-    loose = [convex_polygon(corners[k], box is None) for k in range(len(corners)) if k not in merged]
-    shapes = [_polygon(quad, box is None) for _, quad in quads] + loose
-    few = len(shapes) <= POLYGONS
+    loose = [k for k in range(len(corners)) if k not in merged]
+    few = len(quads) + len(loose) <= POLYGONS
+    shapes: list[Polygon] = []
+    if few:
+        shapes = [_polygon(quad, box is None) for _, quad in quads]
+        shapes += [convex_polygon(corners[k], box is None) for k in loose]
     plain = few and not loose and all(_is_parallelogram(quad) for _, quad in quads)
     cells = np.array([quad[[0, 1, 3]] for _, quad in quads]) if plain else corners
     edge_u, edge_v = cells[:, 1] - cells[:, 0], cells[:, 2] - cells[:, 0]
@@ -161,7 +164,7 @@ def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Mat
     size = np.linalg.norm(cross, axis=1)
     fields = {
         "strength": material.emission,
-        "polygons": tuple(shapes) if few else (),
+        "polygons": tuple(shapes),
         "corner": cells[:, 0].astype(np.float32),
         "edge_u": edge_u.astype(np.float32),
         "edge_v": edge_v.astype(np.float32),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -37,19 +38,19 @@ SPACINGS = 3000
 MOST_SAMPLES = 24_000
 """Samples of the light, at most."""
 
-SAMPLES_AT_ONCE = 4096
-"""Samples lit in one go: a tenth of a second in a room of many lamps."""
+SAMPLES_AT_ONCE = 8192
+"""Samples lit in one go: a tenth of a second in a room of some lamps."""
 
-SHADOW_RAYS = 4
-"""Of a sample and lamp."""
+GLIMPSE_SHADOWS, SHADOW_RAYS = 2, 4
+"""Of a sample and lamp, for a first look and for good."""
 
 PATCH_WIDTH = 2.0
 """Of patches, in vertex spacings."""
 
-GLIMPSE = 24_000, 12, 64
+GLIMPSE = 24_000, 8, 64
 RAYS = 128_000, 48, 256
-"""Rays of all patches together, and fewest and most of each, for a first look and for good: few patches can afford
-many."""
+"""Rays of all patches together, and fewest and most of each, for a first look, for which lamps are asked at one sample
+of each patch, and for good: few patches can afford many."""
 
 BOUNCES = 12
 
@@ -117,7 +118,7 @@ def _first_strata(texels: Texels) -> Iterator[tuple[slice, Int32, Float32]]:
 def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:
     """The light of a scene, backs included, at the vertices of its triangles; materials are alike all over.
 
-    Yields nothing between its steps, and the same light from fewer rays as soon as there is some.
+    Yields nothing between its steps, and the same light from fewer samples and rays as soon as there is some.
     """
     surfaces = flatten(scene)
     fronts = surfaces.without_backs()
@@ -133,34 +134,39 @@ def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:
     spacing = float(np.sqrt(surfaces.area.sum() / SPACINGS))
     vertices = place_vertices(surfaces, spacing, MOST_SAMPLES)
     yield None
-    direct = yield from _direct(lamps, vertices, visibility, len(scene.groups))
+    patches = _Patches.of(vertices, PATCH_WIDTH * spacing)
     triangle = vertices.triangle[vertices.seat]
     material = surfaces.material[triangle]
     reflectance = np.array([entry.reflectance for entry in scene.materials], np.float32)[material]
     emission = np.array([entry.emission for entry in scene.materials], np.float32)[material]
     glow = emission * ~lamps.sampled[surfaces.front[triangle]][:, None]
-    leaving = direct * reflectance + np.float32(np.pi) * glow
-    patches = _Patches.of(vertices, PATCH_WIDTH * spacing)
-    shared = patches.mean(leaving), patches.mean(reflectance)
+    reflected = patches.mean(reflectance)
 
-    def lit(rays: tuple[int, int, int]) -> FirstLight:
-        received = patches.exchange(*shared, visibility, scene, sky, rays)
+    def lit(direct: Float32, rays: tuple[int, int, int]) -> FirstLight:
+        leaving = patches.mean(direct * reflectance + np.float32(np.pi) * glow)
+        received = patches.exchange(leaving, reflected, visibility, scene, sky, rays)
         return FirstLight(vertices, direct, patches.between(received), reflectance, emission)
 
-    yield lit(GLIMPSE)
-    return lit(RAYS)
+    light_at = partial(_direct, lamps, vertices, visibility, len(scene.groups))
+    few = yield from light_at(patches.middles(), GLIMPSE_SHADOWS)
+    yield lit(patches.between(few), GLIMPSE)
+    direct = yield from light_at(np.arange(vertices.count), SHADOW_RAYS)
+    return lit(direct, RAYS)
 
 
-def _direct(lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: int) -> Generator[None, None, Float32]:
-    points, normals = vertices.points()
-    triangle = vertices.triangle[vertices.seat]
+def _direct(
+    lamps: Lamps, vertices: Vertices, visibility: Visibility, groups: int, ids: Int64, rays: int
+) -> Generator[None, None, Float32]:
+    """Irradiance (R, 3) from lamps at samples (R,), by so many shadow rays to each."""
+    points, normals = (part[ids] for part in vertices.points())
+    triangle = vertices.triangle[vertices.seat[ids]]
     points += vertices.surfaces.normals(triangle) * np.float32(vertices.surfaces.offset)
-    front, ids = vertices.surfaces.front[triangle], np.arange(vertices.count)
-    light = np.zeros((vertices.count, 3), np.float32)
-    for start in range(0, vertices.count, SAMPLES_AT_ONCE):
+    front = vertices.surfaces.front[triangle]
+    light = np.zeros((len(ids), 3), np.float32)
+    for start in range(0, len(ids), SAMPLES_AT_ONCE):
         part = slice(start, start + SAMPLES_AT_ONCE)
         asking = irradiance_at(
-            lamps, points[part], normals[part], visibility.of_lamps, SHADOW_RAYS, ids[part], groups, front[part]
+            lamps, points[part], normals[part], visibility.of_lamps, rays, ids[part], groups, front[part]
         )
         light[part] = finish(asking).sum(1)
         yield
@@ -193,6 +199,12 @@ class _Patches:
         names = cell_names(vertices.surfaces, triangle, position, normal, width)
         found, owner = np.unique(names, return_inverse=True)
         return cls(vertices, width, found, owner.reshape(-1), position, normal)
+
+    def middles(self) -> Int64:
+        """Of each patch, the sample (P,) nearest to the middle of all."""
+        gap = self.position - self.mean(self.position)[self.owner]
+        nearest = np.lexsort((np.einsum("ij,ij->i", gap, gap), self.owner))
+        return nearest[np.searchsorted(self.owner[nearest], np.arange(len(self.names)))]
 
     def mean(self, values: Float32) -> Float32:
         """Means (P, 3) over the samples of each patch."""
