@@ -6,7 +6,8 @@ Only the main thread may touch bpy: what the other one asks of Blender, it asks 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+import time
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError, Future
 from queue import SimpleQueue
 from typing import ParamSpec, TypeVar
@@ -74,6 +75,19 @@ class MainThread:
             self._current.close()
         for done in self._waiting:
             done.cancel()
+
+
+def take_turn(
+    steps: Iterator[Progress], latest: Progress, seconds: float, clock: Callable[[], float] = time.perf_counter
+) -> Progress:
+    """Take steps until nothing is new, because another thread is at work, or until the time is up; the latest progress.
+
+    The last step ends when it ends: a turn is longer than its time by as much.
+    """
+    end, before = clock() + seconds, None
+    while latest is not before and clock() < end:
+        before, latest = latest, next(steps)
+    return latest
 
 
 def in_thread(

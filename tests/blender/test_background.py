@@ -9,7 +9,7 @@ from collections.abc import Generator
 
 import pytest
 
-from radiosity_addon.blender.background import MainThread, in_thread
+from radiosity_addon.blender.background import MainThread, in_thread, take_turn
 from radiosity_addon.chunks import finish
 from radiosity_addon.stages import Progress
 
@@ -121,3 +121,27 @@ def test_closing_does_not_wait_long_for_a_step() -> None:
     turns.close()
     assert time.perf_counter() - begin < 1
     going.set()
+
+
+# turns
+
+
+def steps_of(seconds: float, passed: list[float]) -> Generator[Progress, None, None]:
+    """Endless steps, each of which takes so long by a clock of our own."""
+    while True:
+        passed[0] += seconds
+        yield Progress("Read scene", 0.0)
+
+
+@pytest.mark.parametrize("seconds, taken", [(0.01, 6), (0.025, 3), (0.5, 1)])
+def test_a_turn_ends_with_the_step_in_which_its_time_is_up(seconds: float, taken: int) -> None:
+    passed = [0.0]
+    take_turn(steps_of(seconds, passed), FIRST, 0.06 - 1e-9, lambda: passed[0])
+    assert passed[0] == pytest.approx(taken * seconds)
+
+
+def test_a_turn_ends_when_nothing_is_new() -> None:
+    """The other thread is at work, and the window may have all the time."""
+    steps = iter([other := Progress("Unwrap", 0.1), other, Progress("Texels", 0.2)])
+    assert take_turn(steps, FIRST, 1.0, lambda: 0.0) is other
+    assert next(steps).stage == "Texels"

@@ -16,6 +16,7 @@ from ...errors import BakeError, explained
 from ...files import Transaction
 from ...reports.report import Report
 from ...stages import Progress
+from ..background import take_turn
 from ..job import Job, Seat, bake_scene
 from ..last_bake import keep_report, learn
 from .running import Running
@@ -25,9 +26,9 @@ IN_FILE = ("Read scene", "Write back")
 """Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
-WORK_SECONDS = 0.03
+WORK_SECONDS = 0.06
 """Time of a tick that is spent on what only the main thread can do, where that comes in steps: after each tick Blender
-may evaluate and draw the scene anew."""
+may evaluate and draw the scene anew, which takes it longer than most steps. The last step comes on top."""
 
 
 class RADIOSITY_OT_bake(bpy.types.Operator):
@@ -95,12 +96,9 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
         return set()
 
     def _take_turn(self) -> None:
-        """Go on until nothing is new, because another thread is at work, or it is the window's turn."""
-        began, before, stage = time.perf_counter(), None, Running.progress.stage
+        began, stage = time.perf_counter(), Running.progress.stage
         try:
-            while Running.progress is not before and time.perf_counter() < began + WORK_SECONDS:
-                before = Running.progress
-                Running.progress = next(self._steps)
+            Running.progress = take_turn(self._steps, Running.progress, WORK_SECONDS)
         finally:
             Running.turned(stage, began)
 

@@ -19,7 +19,7 @@ from ..reading.extraction import Extraction
 from .display_table import display_table
 from .live_view import LiveView
 
-REDRAW_SECONDS = 0.2
+REDRAW_SECONDS = 0.3
 """Drawing takes time from the bake."""
 
 TELLING_SHARE = 0.3
