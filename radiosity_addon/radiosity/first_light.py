@@ -44,8 +44,8 @@ SAMPLES_AT_ONCE = 8192
 GLIMPSE_SHADOWS, SHADOW_RAYS = 2, 4
 """Of a sample and lamp, for a first look and for good."""
 
-PATCH_WIDTH = 2.0
-"""Of patches, in vertex spacings."""
+GLIMPSE_WIDTH, PATCH_WIDTH = 3.0, 2.0
+"""Of patches, in vertex spacings; for a first look they are wide, and hold what faces alike whatever it belongs to."""
 
 GLIMPSE = 24_000, 8, 64
 RAYS = 128_000, 48, 256
@@ -134,24 +134,23 @@ def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:
     spacing = float(np.sqrt(surfaces.area.sum() / SPACINGS))
     vertices = place_vertices(surfaces, spacing, MOST_SAMPLES)
     yield None
-    patches = _Patches.of(vertices, PATCH_WIDTH * spacing)
     triangle = vertices.triangle[vertices.seat]
     material = surfaces.material[triangle]
     reflectance = np.array([entry.reflectance for entry in scene.materials], np.float32)[material]
     emission = np.array([entry.emission for entry in scene.materials], np.float32)[material]
     glow = emission * ~lamps.sampled[surfaces.front[triangle]][:, None]
-    reflected = patches.mean(reflectance)
 
-    def lit(direct: Float32, rays: tuple[int, int, int]) -> FirstLight:
+    def lit(patches: _Patches, direct: Float32, rays: tuple[int, int, int]) -> FirstLight:
         leaving = patches.mean(direct * reflectance + np.float32(np.pi) * glow)
-        received = patches.exchange(leaving, reflected, visibility, scene, sky, rays)
+        received = patches.exchange(leaving, patches.mean(reflectance), visibility, scene, sky, rays)
         return FirstLight(vertices, direct, patches.between(received), reflectance, emission)
 
     light_at = partial(_direct, lamps, vertices, visibility, len(scene.groups))
-    few = yield from light_at(patches.middles(), GLIMPSE_SHADOWS)
-    yield lit(patches.between(few), GLIMPSE)
+    wide = _Patches.of(vertices, GLIMPSE_WIDTH * spacing, apart=False)
+    few = yield from light_at(wide.middles(), GLIMPSE_SHADOWS)
+    yield lit(wide, wide.between(few), GLIMPSE)
     direct = yield from light_at(np.arange(vertices.count), SHADOW_RAYS)
-    return lit(direct, RAYS)
+    return lit(_Patches.of(vertices, PATCH_WIDTH * spacing), direct, RAYS)
 
 
 def _direct(
@@ -180,6 +179,7 @@ class _Patches:
     Attributes:
         vertices: the samples
         width: of the cells, m
+        apart: connected surfaces are told apart
         names: (P,) int64, of the cells, ascending
         owner: (S,) int64, patch of each sample
         position, normal: (S, 3) float32, of the samples
@@ -187,18 +187,19 @@ class _Patches:
 
     vertices: Vertices
     width: float
+    apart: bool
     names: Int64
     owner: Int64
     position: Float32
     normal: Float32
 
     @classmethod
-    def of(cls, vertices: Vertices, width: float) -> _Patches:
+    def of(cls, vertices: Vertices, width: float, apart: bool = True) -> _Patches:
         position, normal = vertices.points()
         triangle = vertices.triangle[vertices.seat]
-        names = cell_names(vertices.surfaces, triangle, position, normal, width)
+        names = cell_names(vertices.surfaces, triangle, position, normal, width, apart=apart)
         found, owner = np.unique(names, return_inverse=True)
-        return cls(vertices, width, found, owner.reshape(-1), position, normal)
+        return cls(vertices, width, apart, found, owner.reshape(-1), position, normal)
 
     def middles(self) -> Int64:
         """Of each patch, the sample (P,) nearest to the middle of all."""
@@ -261,7 +262,9 @@ class _Patches:
         weights = np.zeros(len(place), np.float32)
         for step in product((0, 1), repeat=3):
             shift = np.array(step) - low
-            names = cell_names(self.vertices.surfaces, triangle, self.position, self.normal, self.width, shift)
+            names = cell_names(
+                self.vertices.surfaces, triangle, self.position, self.normal, self.width, shift, self.apart
+            )
             found = np.minimum(np.searchsorted(self.names, names), len(self.names) - 1)
             weight = np.where(step, share, 1 - share).prod(1) * (self.names[found] == names)
             total += values[found] * weight[:, None]

@@ -135,17 +135,24 @@ def place_vertices(surfaces: Surfaces, spacing: float, most: int) -> Vertices:
 
 
 def cell_names(
-    surfaces: Surfaces, triangle: Int32, position: Float32, normals: Float32, width: float, shift: Int64 | int = 0
+    surfaces: Surfaces,
+    triangle: Int32,
+    position: Float32,
+    normals: Float32,
+    width: float,
+    shift: Int64 | int = 0,
+    apart: bool = True,
 ) -> Int64:
     """A number (R,) for the connected surface, the facing and the cell, `width` metres wide, of points on triangles.
 
     Args:
         shift: (3,) cells by which the point is looked for beside its own
+        apart: connected surfaces are told apart
     """
     facing = np.rint(normals * np.float32(FACINGS)).astype(np.int64) + int(FACINGS)
     extent = int(np.ceil(surfaces.radius / width)) + 2
     cell = np.floor(position / np.float32(width)).astype(np.int64) + shift + extent
-    name = surfaces.component[triangle].astype(np.int64)
+    name = surfaces.component[triangle].astype(np.int64) if apart else np.zeros(len(triangle), np.int64)
     for part in facing.T:
         name = name * (2 * int(FACINGS) + 1) + part
     for part in cell.T:
