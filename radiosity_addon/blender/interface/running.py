@@ -99,7 +99,9 @@ class Running:
         if cls.view is None or scene is None:
             return
         if cls.view.table is None:
+            began = time.perf_counter()
             cls.view.table = display_table(scene)
+            cls.turned("Drawing", began)
         elif cls.progress is not None and cls.progress.stage == "Write back":
             cls.unwatch()  # from here on the bake itself edits
         elif not cls._settled:
@@ -176,7 +178,7 @@ class Running:
     def told(cls, report: Report) -> Report:
         """A report, with what there is to say of the window."""
         if cls.view is not None:
-            cls._stalls["Drawing"] = cls.view.drawing
+            cls._stalls["Drawing"] = max(cls._stalls.get("Drawing", 0.0), cls.view.drawing)
         first = None if cls.view is None or cls.view.first_at is None else cls.view.first_at - cls._start
         return replace(report, warnings=[*report.warnings, *cls.edits()], stalls=Stalls(cls._stalls, cls._gap, first))
 
