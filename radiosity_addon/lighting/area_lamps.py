@@ -92,7 +92,14 @@ class PanelLamp(Lamp):
         return total
 
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        way, weight, _ = self.aim_at_cells(p, u, v)
+        return way, weight
+
+    def aim_at_cells(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32, Int32]:
+        """As `aim`, and the cells (B,) that the samples lie in."""
+        cell = np.zeros(0, np.int32)
         if len(self.ends) == 1:
+            cell = np.zeros(len(u), np.int32)
             corner, edge_u, edge_v = (part[0][:, None] for part in (self.corner, self.edge_u, self.edge_v))
             normal = self.normal[0] * np.float32(-self.area)
         else:
@@ -125,7 +132,7 @@ class PanelLamp(Lamp):
         facing = dot(way, normal)
         square *= np.sqrt(square)
         facing /= square
-        return way, self._shown(facing, p)
+        return way, self._shown(facing, p), cell
 
     @cached_property
     def _slots(self) -> tuple[Int32, Float32]:

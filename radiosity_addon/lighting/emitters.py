@@ -91,9 +91,17 @@ def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Materi
         bright = np.flatnonzero(radiance.any(0))
         colors, levels = list(np.eye(3)[bright]), radiance[:, bright]
     mean = np.array([_mean(corners, own) for own in levels.T])
-    tree = EmitterTree.over(corners, levels / mean)
+    levels = levels / mean
+    tree = EmitterTree.over(corners, levels)
+    place = halved(corners.mean(1), max(len(corners) - 1, 1).bit_length())
+    order = np.argsort(place, kind="stable")
+    corners, levels = corners[order], levels[order]
+    mixed = levels.mean(1)
+    alike = len(colors) == 1
     return [
-        _picture(corners, own, number, color, tree, box, material.group)
+        _picture(
+            corners, mixed, number, color * mean[number], tree, box, material.group, None if alike else own / mixed
+        )
         for number, (own, color) in enumerate(zip(levels.T, colors, strict=True))
     ]
 
@@ -105,20 +113,27 @@ def _mean(corners: Float64, level: Float64) -> float:
 
 
 def _picture(
-    corners: Float64, level: Float64, channel: int, color: Float64, tree: EmitterTree, box: Float32 | None, group: int
+    corners: Float64,
+    level: Float64,
+    channel: int,
+    radiance: Float64,
+    tree: EmitterTree,
+    box: Float32 | None,
+    group: int,
+    tint: Float64 | None,
 ) -> MeshLamp:
-    """A lamp of triangles that shine at different levels; samples fall on them by the light that they give."""
-    corners, level = corners[level > 0], level[level > 0]
-    place = halved(corners.mean(1), max(len(corners) - 1, 1).bit_length())
-    order = np.argsort(place, kind="stable")
-    corners, level = corners[order], level[order]
+    """A lamp of triangles that shine at different levels; samples fall on them by the light of all channels alike.
+
+    Args:
+        radiance: (3,) mean of the lamp's channel
+        tint: level in that channel, as a share of `level`
+    """
     edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(edge_u, edge_v)
     size = np.linalg.norm(cross, axis=1)
-    mean = _mean(corners, level)
-    weight = size * level / mean
+    weight = size * level
     return MeshLamp(
-        strength=_rgb(color * mean),
+        strength=_rgb(radiance),
         polygons=(),
         corner=corners[:, 0].astype(np.float32),
         edge_u=edge_u.astype(np.float32),
@@ -133,6 +148,7 @@ def _picture(
         group=group,
         tree=tree,
         channel=channel,
+        tint=None if tint is None else tint.astype(np.float32),
     )
 
 

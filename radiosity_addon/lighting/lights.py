@@ -25,6 +25,7 @@ from ..sampling import hash_uniform
 from ..scene import AreaLight, Light, Scene, SunLight
 from ..settings import BakeSettings
 from .area_lamps import PanelLamp, area_lamp
+from .companies import Company, brightest, companies_of
 from .emitters import emissive_lamps
 from .glow import Glow
 from .lamp_samples import lattice, lattice_generators, rows_of, shifted
@@ -151,29 +152,32 @@ def irradiance_at(
     """
     everything, visibility = visibility, visibility.of_lamps
     total = np.zeros((len(points), group_count, 3), np.float32)
-    emitters = lamps.emitters
+    emitters, companies = lamps.emitters, companies_of(lamps.lamps, lamps.receivers)
     for start in range(0, len(points), TRACE_CHUNK):
         part = slice(start, start + TRACE_CHUNK)
         shifts = hash_uniform(seed_ids[part], 0), hash_uniform(seed_ids[part], 1)
-        for index, lamp in enumerate(lamps.lamps):
+        for number, company in enumerate(companies):
+            lamp = company.lamp
             light = lamp.light(points[part], normals[part], None)
             if triangle is not None:
-                lamps.keep_to_receivers(index, light, triangle[part])
-            lit = np.flatnonzero(light > 0)
-            share: Float32 = np.ones((visibility.channels, len(light)), np.float32)
+                for index, own in zip(company.members, np.atleast_2d(light), strict=True):
+                    lamps.keep_to_receivers(index, own, triangle[part])
+            lit = np.flatnonzero(brightest(light) > 0)
+            share: Float32 = np.ones((company.channels(visibility), light.shape[-1]), np.float32)
             if lamp.shadow and len(lit):
                 rays = samples if lamp.extended else 1
                 side = STRATA if rays % STRATA == 0 else 1
                 tiled = np.tile(start + lit, side)
                 origins = [(rows_of(points[tiled]), None if footing is None else footing.only(tiled))]
-                tally = Tally.none(len(lit), visibility.channels)
+                tally = Tally.none(lamp, len(lit), len(share))
                 chosen = shifts[0][lit], shifts[1][lit]
                 facing = [rows_of(normals[part][lit])]
                 slopes = lattice_generators(seed_ids[part][lit], rays)
                 tally.add(lamp, origins, facing, chosen, slopes, sample_groups(rays, side), visibility)
                 share[:, lit] = tally.share()
-            _add(total[part], lamp, light * share)
-            yield (start + (index + 1) / len(lamps.lamps) * len(light)) / len(points)
+            for index, arrived in company.of_each(light * share):
+                _add(total[part], lamps.lamps[index], arrived)
+            yield (start + (number + 1) / len(companies) * light.shape[-1]) / len(points)
         if emitters and triangle is not None:
             own_irradiance_at(
                 lamps.own, emitters, lamps.surfaces, triangle[part], points[part], normals[part], everything, samples,
@@ -278,20 +282,25 @@ def _shares(
     yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers, batch.own), 0, 0.3)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 
-    def share_of(index: int, workers: int) -> Fractions[Float32]:
-        if not batch.lamps[index].shadow:
-            return np.ones((1, 1), np.float32)
-        own = replace(settings, threads=workers)
-        return (yield from _shadow(batch.lamps[index], index, texels, visibility, own, probes, weak))
+    companies = companies_of(batch.lamps, batch.receivers)
+    count = len(companies)
 
-    if number > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
-        working = side_by_side(lambda index: share_of(index, 1), number, settings.workers)
-        return probes, (yield from scaled(working, 0.5, 1))
-    shares = []
-    for index in range(number):
-        low, high = 0.5 + index / number / 2, 0.5 + (index + 1) / number / 2
-        shares.append((yield from scaled(share_of(index, settings.workers), low, high)))
-    return probes, shares
+    def share_of(number: int, workers: int) -> Fractions[Float32]:
+        if not companies[number].lamp.shadow:
+            return np.ones((len(companies[number].members), 1), np.float32)
+        own = replace(settings, threads=workers)
+        return (yield from _shadow(companies[number], texels, visibility, own, probes, weak))
+
+    if count > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
+        working = side_by_side(lambda number: share_of(number, 1), count, settings.workers)
+        found = yield from scaled(working, 0.5, 1)
+    else:
+        found = []
+        for done in range(count):
+            low, high = 0.5 + done / count / 2, 0.5 + (done + 1) / count / 2
+            found.append((yield from scaled(share_of(done, settings.workers), low, high)))
+    of_each = [pair for company, share in zip(companies, found, strict=True) for pair in company.of_each(share)]
+    return probes, [share for _, share in sorted(of_each, key=lambda pair: pair[0])]
 
 
 def _probe(
@@ -299,7 +308,7 @@ def _probe(
 ) -> Fractions[list[None]]:
     """Fill `probes`: closed forms where there is no light yet, and a few rays from wherever a lamp could be seen."""
     pattern = lattice(settings.steps.shadow_probes)
-    count = len(pattern)
+    count, companies = len(pattern), companies_of(batch.lamps, batch.receivers)
 
     def work(start: int, stop: int) -> None:
         ids = start + np.flatnonzero(texels.valid[start:stop])
@@ -310,14 +319,16 @@ def _probe(
         horizon = None if len(receivers.normals) == 1 else receivers.normals[1].T
         origins, footing = receivers.origins(texels, 0, count)
         triangle = texels.surfaces.front[texels.triangle[ids]]
-        for index, lamp in enumerate(batch.lamps):
-            if isinstance(lamp, MeshLamp):
-                light = probes.light[index, ids]
+        for company in companies:
+            lamp, members = company.lamp, company.members
+            if isinstance(batch.lamps[members[0]], MeshLamp):
+                light = probes.light[members][:, ids]
             else:
-                light = lamp.light(points, shading, horizon)
-            batch.keep_to_receivers(index, light, triangle)
-            probes.light[index, ids] = light
-            lit = np.flatnonzero(light > 0)
+                light = lamp.light(points, shading, horizon)[None]
+            for index, own in zip(members, light, strict=True):
+                batch.keep_to_receivers(index, own, triangle)
+                probes.light[index, ids] = own
+            lit = np.flatnonzero(brightest(light) > 0)
             if not lamp.shadow or not len(lit):
                 continue
             some = receivers.only(lit)
@@ -326,31 +337,33 @@ def _probe(
             stand = None if footing is None else footing.only(lit, count)
             normals = [np.tile(rows, (1, count)) for rows in some.normals]
             found, share = shoot(lamp, p, normals, u, v, visibility, stand)
-            probes.put(index, some.ids, found.reshape(count, -1), share.reshape(len(share), count, -1))
+            rows = found.reshape(len(members), count, -1)
+            for own, (index, arrived) in zip(rows, company.of_each(share), strict=True):
+                probes.put(index, some.ids, own, arrived.reshape(len(arrived), count, -1))
 
     return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
 
 
 def _shadow(
-    lamp: Lamp,
-    index: int,
+    company: Company,
     texels: Texels,
     visibility: Visibility,
     settings: BakeSettings,
     probes: Probes,
     weak: Bools | None,
 ) -> Fractions[Float32]:
-    """The share (C, T) of a lamp's light that arrives; yields the share done."""
-    workers = settings.workers
-    own = Shades(probes.low[index], probes.high[index])
+    """The share (C, T) of the light of a lamp, or of each of those that share its samples; yields the share done."""
+    workers, lamp, members = settings.workers, company.lamp, company.members
+    own = Shades(probes.low[members].min(0), probes.high[members].max(0))
     near = yield from scaled(pooled(own, texels, POOL, workers), 0, 0.1)
-    ratio = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], visibility.channels, axis=0)
-    lit = probes.light[index] > 0
+    ratio = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], company.channels(visibility), axis=0)
+    lit = (probes.light[members] > 0).any(0)
     asked = near.disagree()
     if probes.share is not None:
         dimmed = ~asked & (near.low > 0) & (near.high > 0) & (near.high < 255)
         asked |= dimmed & (own.low > own.high)  # its neighbours are dimmed, it has no probe of its own
-        ratio[:, dimmed] = probes.share[index][:, dimmed]
+        dims = probes.share[members[0]] if len(members) == 1 else probes.share[members, 0]
+        ratio[:, dimmed] = dims[:, dimmed]
     partly = np.flatnonzero(asked & lit)
     noise = np.zeros_like(ratio)
     parts = [(partly, settings.steps.shadow_rays)]

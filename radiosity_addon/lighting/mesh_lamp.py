@@ -34,10 +34,18 @@ class MeshLamp(PanelLamp):
     Attributes:
         tree: over the triangles of all lamps that share it
         channel: of the tree's, the lamp's own
+        tint: (M,) float32, how bright cells are in the lamp's channel beside what samples fall on them by; None: alike
     """
 
     tree: EmitterTree | None = None
     channel: int = 0
+    tint: Float32 | None = None
+
+    def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
+        way, weight, cell = self.aim_at_cells(p, u, v)
+        if self.tint is not None:
+            weight *= self.tint.take(cell)
+        return way, weight
 
     def light(self, points: Float32, shading: Float32, geometric: Float32 | None) -> Float32:
         found: Float32 = self.in_channels([self.channel], points, shading, geometric)[0]

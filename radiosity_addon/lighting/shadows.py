@@ -12,6 +12,7 @@ from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
+from .companies import ColorLamps, brightest
 from .lamp_samples import cosine_above, lattice_generators, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
 from .shades import Shades, pooled, shade_codes
@@ -103,18 +104,22 @@ def shoot(
 ) -> tuple[Float32, Float32]:
     """Light (B,) of the lamp's samples (u, v) at points p (3, B), and the share (C, B) of it that arrives.
 
-    C channels, as what dims it has. Where there is no light, nothing of it arrives.
+    C channels, as what dims it has; (C, B) both for the lamps of several colours that share their samples. Where there
+    is no light, nothing of it arrives.
     """
     way, light = lamp.aim(p, u, v)
     light *= cosine_above(way, normals)
     if footing is not None:
         p, way = footing.lift(p, way, normals[0])
-    live = np.flatnonzero(light > 0)
-    if len(live) == len(light):
-        return light, visibility.transmitted(_rays(p), _rays(way))
-    share = np.zeros((visibility.channels, len(light)), np.float32)
-    if len(live):
-        share[:, live] = visibility.transmitted(_rays(p, live), _rays(way, live))
+    live = np.flatnonzero(brightest(light) > 0)
+    if len(live) == light.shape[-1]:
+        share = visibility.transmitted(_rays(p), _rays(way))
+    else:
+        share = np.zeros((visibility.channels, light.shape[-1]), np.float32)
+        if len(live):
+            share[:, live] = visibility.transmitted(_rays(p, live), _rays(way, live))
+    if isinstance(lamp, ColorLamps):
+        share = share[lamp.colors if len(share) > 1 else [0] * len(light)]
     return light, share
 
 
@@ -131,9 +136,9 @@ class Tally:
     """What the samples of B points brought, in C channels.
 
     Attributes:
-        total: (B,) float32, light of the samples, unshadowed
+        total: (B,) float32, light of the samples, unshadowed; (C, B) where lamps of several colours share them
         arrived: (C, B) float32, the part of it that arrives
-        squares: (B,) float32, squares of the unshadowed light
+        squares: as `total`, squares of the unshadowed light
         partly: (C, B) float32, those squares times q (1 - q), where a sample arrives in part, to the share q
     """
 
@@ -143,8 +148,8 @@ class Tally:
     partly: Float32
 
     @classmethod
-    def none(cls, points: int, channels: int) -> Tally:
-        total, squares = np.zeros((2, points), np.float32)
+    def none(cls, lamp: Lamp, points: int, channels: int) -> Tally:
+        total, squares = np.zeros((2, *((channels,) if isinstance(lamp, ColorLamps) else ()), points), np.float32)
         arrived, partly = np.zeros((2, channels, points), np.float32)
         return cls(total, arrived, squares, partly)
 
@@ -270,7 +275,7 @@ def trace_partly(
     groups = sample_groups(rays, STRATA)
     early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
     slopes = lattice_generators(texels.pixel[partly], rays)
-    tally = Tally.none(len(partly), len(ratio))
+    tally = Tally.none(lamp, len(partly), len(ratio))
 
     def trace(chosen: Int64, first: int, last: int, turn: int = 0) -> Fractions[list[None]]:
         def work(start: int, stop: int) -> None:
@@ -278,7 +283,7 @@ def trace_partly(
             receivers = Receivers.of(texels, partly[part])
             places = range(first, last) if not lamp.extended else [turn]
             origins = [receivers.origins(texels, STRATA * k, STRATA) for k in places]
-            own = Tally.none(len(part), len(ratio))
+            own = Tally.none(lamp, len(part), len(ratio))
             own.add(
                 lamp, origins, receivers.normals, receivers.turned(turn), slopes[part], groups[first:last], visibility
             )
