@@ -81,3 +81,18 @@ def test_without_a_window_the_meter_stays_away() -> None:
     assert not RADIOSITY_OT_light_meter.poll(bpy.context)
     with pytest.raises(RuntimeError, match="no window"):
         bpy.ops.radiosity.light_meter("INVOKE_DEFAULT")
+
+
+@pytest.mark.parametrize("value", ["PRESS", "RELEASE", "CLICK"])
+def test_a_click_that_is_noted_selects_nothing(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    meter = SimpleNamespace(region=1, line="Floor: 100 lx")
+    monkeypatch.setattr(RADIOSITY_OT_light_meter, "meter", meter)
+
+    class Pointed:
+        meter = RADIOSITY_OT_light_meter.meter
+        report = staticmethod(lambda kind, text: said.append(text))
+
+    event = SimpleNamespace(type="LEFTMOUSE", value=value)
+    assert RADIOSITY_OT_light_meter.modal(Pointed(), bpy.context, event) == {"RUNNING_MODAL"}
+    assert said == [meter.line] * (value == "PRESS")

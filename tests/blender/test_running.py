@@ -16,6 +16,7 @@ import pytest
 from radiosity_addon.blender.data.names import is_baked
 from radiosity_addon.blender.interface import operators
 from radiosity_addon.blender.interface.display_table import EDGE, display_table
+from radiosity_addon.blender.interface.live_view import LiveView
 from radiosity_addon.blender.interface.running import Running
 from radiosity_addon.blender.job import Seat
 from radiosity_addon.blender.reading.extract import extract_scene
@@ -23,7 +24,7 @@ from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import STAGES, Progress
-from radiosity_addon.viewing import View
+from radiosity_addon.viewing import LitVertices, View
 from tests.blender.datablocks import differences, snapshot
 
 ORDER = ["Read scene", *STAGES, "Write files", "Write back"]
@@ -154,6 +155,20 @@ def test_edits_during_a_bake_are_noticed_if_they_change_the_light(
         assert any(edited in warning for warning in Running.edits()) == told
     finally:
         Running.unwatch()
+
+
+def test_a_bake_can_be_stopped_as_soon_as_there_is_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = LiveView()
+    monkeypatch.setattr(Running, "progress", Progress("Unwrap", 0.1))
+    monkeypatch.setattr(Running, "view", view)
+    try:
+        assert not Running.can_stop()
+        view.visible = np.ones(1, bool)
+        corners = np.zeros((3, 3), np.float32)
+        view.show(LitVertices(corners, corners, np.array([[0, 1, 2]]), np.zeros(1, np.int32)))
+        assert Running.can_stop()
+    finally:
+        view.remove()
 
 
 def test_time_left_is_what_was_expected_until_a_bake_tells_its_own_pace(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,6 +60,7 @@ class LiveView:
         table: how light is shown, as of display_table; nothing is drawn without
         satisfied: set to True to have the bake end with the light as it was shown last
         fresh: there is more to see than was drawn
+        lit: there is something to see
         first_at: when the first picture was drawn, by time.perf_counter; None before
         drawing: seconds that the longest drawing has taken
     """
@@ -71,6 +72,7 @@ class LiveView:
         self.first_at: float | None = None
         self.drawing = 0.0
         self.fresh = False
+        self.lit = False
         self._next: Pieces | None = None
         self._laid: tuple[Float32 | None, list[Attributes]] = None, []  # of which corners they are
         self._batches: list[tuple[Attributes, gpu.types.GPUBatch, gpu.types.GPUTexture | None]] = []
@@ -86,7 +88,7 @@ class LiveView:
             if self._laid[0] is not view.corners:  # where surfaces lie is the same in all that follow
                 self._laid = view.corners, _on_pages(view, self.visible)
             self._next = list(zip(self._laid[1], map(_opaque, view.images), strict=True))
-        self.fresh = True
+        self.fresh = self.lit = True
 
     def remove(self) -> None:
         """Draw no more."""
@@ -95,8 +97,8 @@ class LiveView:
 
     def _draw(self) -> None:
         begin = time.perf_counter()
-        if self.table is None:
-            return
+        if self.table is None or bpy.context.space_data.local_view is not None:
+            return  # in local view it would cover what is looked at with all the rest
         pieces, self._next = self._next, None
         if pieces is not None:
             self._batches = [self._uploaded(*piece) for piece in pieces]

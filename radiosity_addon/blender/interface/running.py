@@ -151,7 +151,7 @@ class Running:
         return (
             cls.progress is not None
             and cls.view is not None
-            and cls.view.first_at is not None
+            and cls.view.lit
             and not cls.view.satisfied
             and cls.progress.stage not in AFTER_THE_LIGHT
         )

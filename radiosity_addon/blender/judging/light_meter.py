@@ -158,10 +158,13 @@ class RADIOSITY_OT_light_meter(bpy.types.Operator):
         if bpy.app.background:
             cls.poll_message_set("There is no window to point in")
             return False
+        if cls.meter is not None:
+            cls.poll_message_set("The light meter is in use; Esc puts it away")
+            return False
         reason = "" if context.scene is None else missing(context.scene, "illuminance")
         if reason:
             cls.poll_message_set(reason)
-        return context.scene is not None and not reason and cls.meter is None
+        return context.scene is not None and not reason
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         cls = type(self)
@@ -185,8 +188,8 @@ class RADIOSITY_OT_light_meter(bpy.types.Operator):
                 return {"CANCELLED"}
             redraw_views()
             return {"PASS_THROUGH"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS" and meter.region:
-            if meter.line:
+        if event.type == "LEFTMOUSE" and meter.region:  # when let go, too: nothing is to be selected
+            if event.value == "PRESS" and meter.line:
                 self.report({"INFO"}, meter.line)
             return {"RUNNING_MODAL"}
         return {"PASS_THROUGH"}
