@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from radiosity_addon.geometry import visibility
 from radiosity_addon.geometry.visibility import Tally, Visibility
 
 SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], np.float32)
@@ -76,6 +77,23 @@ def test_a_sphere_is_tight_at_its_edges_and_nearly_so_at_its_vertices(aim, most)
     hits = Visibility(corners).first_hit(origins, targets - origins)
     assert np.mean(hits.triangle < 0) <= most  # Embree's robust mode leaks 0.9 % of rays aimed exactly at vertices
     assert not hits.front.any()
+
+
+def test_triangles_are_the_same_in_one_piece_and_in_many(monkeypatch):
+    ball = geodesic(20, 20)
+    rng = np.random.default_rng(3)
+    origins = rng.uniform(-2, 2, (2000, 3)).astype(np.float32)
+    ways = rng.normal(size=(2000, 3)).astype(np.float32)
+    whole = Visibility(ball).first_hit(origins, ways)
+    monkeypatch.setattr(visibility, "PIECE", 128)
+    parted = Visibility(ball)
+    found = parted.first_hit(origins, ways)
+    assert np.array_equal(found.triangle, whole.triangle)
+    assert found.triangle.dtype == np.int32
+    assert (len(ball) - 1 - len(ball) % 128 < found.triangle).any()
+    assert np.array_equal(parted.escapes(origins, ways), whole.triangle < 0)
+    some = Visibility(ball, met=np.arange(len(ball)) % 3 > 0, casts=np.arange(len(ball)) % 3 > 0)
+    assert set(some.first_hit(origins, ways).triangle % 3) == {1, 2}
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e20])

@@ -23,6 +23,9 @@ from .transmittance import Transmittance
 SEGMENT_END = np.float32(1.0 - 1e-4)
 """Shadow segments stop short of their target by this share, so that a target on a surface is not its own blocker."""
 
+PIECE = 1 << 17
+"""Triangles that Embree takes in one go, a tenth of a second: in it no other thread of Python gets its turn."""
+
 MOST_LAYERS = 256
 """Surfaces that a ray can pass; the next one stops it."""
 
@@ -120,8 +123,9 @@ class _Tree:
         self._scene = rtcore_scene.EmbreeScene(robust=True)
         if not self.empty:
             vertices = np.ascontiguousarray(corners.reshape(-1, 3), np.float32)
-            indices = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-            self._keep = TriangleMesh(self._scene, vertices, indices)
+            indices = np.arange(3 * min(PIECE, len(corners)), dtype=np.int32).reshape(-1, 3)
+            pieces = [vertices[start : start + 3 * PIECE] for start in range(0, len(vertices), 3 * PIECE)]
+            self._pieces = [TriangleMesh(self._scene, piece, indices[: len(piece) // 3]) for piece in pieces]
             self._scene.run(vertices[:1], np.ones((1, 3), np.float32))  # builds the tree here, not in a worker
 
     def blocks(self, origins: Float32, segments: Float32, end: np.float32 | None = None) -> Bools:
@@ -149,6 +153,8 @@ class _Tree:
         found = self._scene.run(origins, directions, dists=dists, output=1)
         self._meter.add(Tally(closest=count, closest_seconds=time.thread_time() - start))
         triangle = found["primID"]
+        if len(self._pieces) > 1:
+            triangle = np.where(triangle < 0, -1, triangle + found["geomID"] * PIECE).astype(np.int32)
         if self.number is not None:
             triangle = self.number.take(triangle)
         facing = dots(found["Ng"], directions) < 0
