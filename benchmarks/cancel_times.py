@@ -4,7 +4,8 @@
     python3 dev.py bench cancel_times -- SCRIPT
 
 SCRIPT runs that Blender; tests/desktop/conftest.py says what it must understand. A scene is baked to its end once,
-which tells how long its stages take; then, for each stage, it is baked again and Esc is pressed halfway through it.
+which tells how long its stages take; then, for each stage, it is baked again and Esc is pressed halfway through it. By
+default bakes are drafts, which take the same steps as better ones, and fewer of them.
 Seconds count from before the key is pressed until no bake runs any more, and whatever differs from before the bake,
 datablocks or files, is printed.
 """
@@ -29,8 +30,8 @@ SCENES = ("interior", "curves", "garden")
 """Furnished and textured; all kinds of curves; sky, cut-outs and procedural materials."""
 
 
-def main(script: Path, scenes: list[str]) -> None:
-    """A table for each scene."""
+def main(script: Path, scenes: list[str], quality: str, stages: list[str]) -> None:
+    """A table for each scene, of some stages or of all."""
     with tempfile.TemporaryDirectory() as name:
         desktop = Desktop(script, Path(name))
         desktop.install()
@@ -41,13 +42,14 @@ def main(script: Path, scenes: list[str]) -> None:
             try:
                 window.open(shutil.copy(ROOT / f"sample_scenes/{scene}.blend", folder))
                 window.ask("look", "SOLID", False)
-                cancel_all(window, scene, folder)
+                window.ask("choose", {"quality": quality})
+                cancel_all(window, scene, folder, stages)
             finally:
                 window.close()
 
 
-def cancel_all(window: Window, scene: str, folder: Path) -> None:
-    """Cancel a scene's bake in each stage."""
+def cancel_all(window: Window, scene: str, folder: Path, stages: list[str]) -> None:
+    """Cancel a scene's bake in these stages; without any in each."""
     window.ask("remember")
     before = sorted(path.name for path in folder.iterdir())
     window.ask("watch")
@@ -59,6 +61,8 @@ def cancel_all(window: Window, scene: str, folder: Path) -> None:
     order = sorted(seen, key=lambda stage: seen[stage])
     print(f"{scene}: {seen['ended'] - seen[order[0]]:.1f} s to its end", flush=True)
     for stage, after in itertools.pairwise(order):
+        if stages and stage not in stages:
+            continue
         cancel(window, stage, (seen[after] - seen[stage]) / 2)
         found = window.ask("changed") + sorted({path.name for path in folder.iterdir()} - {*before, *AIDE})
         print("  " + (f"DIFFERS: {found}" if found else "as before"), flush=True)
@@ -91,5 +95,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("script", type=Path, help="runs a desktop Blender, as tests/desktop/conftest.py says")
     parser.add_argument("scenes", nargs="*", default=list(SCENES), help="default: all")
+    parser.add_argument("--quality", default="draft")
+    parser.add_argument("--stage", action="append", default=[], help="one to cancel in; may be repeated; default: all")
     arguments = parser.parse_args()
-    main(arguments.script.resolve(), arguments.scenes)
+    main(arguments.script.resolve(), arguments.scenes, arguments.quality, arguments.stage)

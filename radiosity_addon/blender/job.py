@@ -122,7 +122,8 @@ def bake_scene(
             read = time.perf_counter()
             shade = CyclesShader(scene_name, extraction, cycles)
             viewer = viewer_of and viewer_of(extraction)
-            baked = yield from _scaled(bake(extraction.scene, job.settings, shade, viewer, shares))
+            baking = bake(extraction.scene, job.settings, shade, viewer, shares)
+            baked = yield from _scaled(_while_asked(cycles, baking))
             return extraction, read, baked
 
         extraction, read, baked = yield from steps() if seat is None else in_thread(steps(), reading, seat.main)
@@ -198,6 +199,22 @@ def _asked(seat: Seat | None, stack: ExitStack) -> Cycles:
     if seat is None:
         return Cycles()
     return Cycles(seat.main.runs, stack.enter_context(SecondBlender()) if seat.second_blender else None)
+
+
+def _while_asked(cycles: Cycles, steps: Generator[Progress, None, T]) -> Generator[Progress, None, T]:
+    """The same steps of a bake. From direct light on they ask Cycles nothing more."""
+    try:
+        while True:
+            try:
+                progress = next(steps)
+            except StopIteration as stop:
+                result: T = stop.value
+                return result
+            if progress.stage == "Direct light":
+                cycles.end()
+            yield progress
+    finally:
+        steps.close()
 
 
 def _written(

@@ -75,13 +75,18 @@ def page() -> np.ndarray:
 
 @pytest.mark.parametrize("second_blender", [False, True])
 def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(
-    second_blender: bool, scene: bpy.types.Scene
+    second_blender: bool, scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The floor's colours are asked of the main thread, or of a second Blender."""
     finish(operators.bake_in_place(scene))
     alone = page()
     viewer = Onlooker()
-    finish(operators.bake_in_place(scene, Seat(viewer.seat, second_blender=second_blender)))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    helped = dict.fromkeys(ORDER, False)
+    for progress in operators.bake_in_place(scene, Seat(viewer.seat, second_blender=second_blender)):
+        helped[progress.stage] |= any(tmp_path.glob("radiosity-blender-*"))
+    assert any(helped.values()) == second_blender
+    assert not any(helped[stage] for stage in ORDER[ORDER.index("Direct light") :]), "it is no longer needed"
     assert len(viewer.views) > 3
     assert np.array_equal(page(), alone)
 

@@ -22,8 +22,6 @@ from ..last_bake import keep_report, learn
 from .running import Running
 from .scene_check import expected
 
-IN_FILE = ("Read scene", "Write back")
-"""Stages in which the bake holds parts of the file: nobody may undo or edit them away meanwhile."""
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
 WORK_SECONDS = 0.06
@@ -70,8 +68,7 @@ class RADIOSITY_OT_bake(bpy.types.Operator):
             self.report({"INFO"}, "Bake cancelled, nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":  # what the bake is doing to the file is not to be disturbed
-            in_file = self._seat.main.busy or Running.progress.stage in IN_FILE
-            return {"RUNNING_MODAL" if in_file else "PASS_THROUGH"}
+            return {"RUNNING_MODAL" if self._seat.main.busy or Running.in_file() else "PASS_THROUGH"}
         ended = self._go_on(context)
         if not ended:
             Running.settle()

@@ -146,6 +146,11 @@ class Running:
         return trust * own + (1 - trust) * max(cls._expected - seconds, 0.0)
 
     @classmethod
+    def in_file(cls) -> bool:
+        """The bake holds parts of the file, which nobody may undo or edit away meanwhile."""
+        return cls.progress is not None and (cls.view is None or cls.progress.stage == "Write back")
+
+    @classmethod
     def can_stop(cls) -> bool:
         """There is light to be kept, and still some to be waited for."""
         return (

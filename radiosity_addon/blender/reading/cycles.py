@@ -43,6 +43,11 @@ class Cycles:
             except Failed:
                 self._second = None
 
+    def end(self) -> None:
+        """There will be no more work."""
+        if self._second is not None:
+            self._second.end()
+
     def ask(
         self, subject: Callable[[], Subject], work: Callable[..., Generator[object, None, T]], *arguments: object
     ) -> T:
