@@ -37,7 +37,7 @@ def measure(task: dict[str, Any]) -> dict[str, Any]:
 
     open_scene(task["scene"])
     extraction = extract_scene(bpy.context.scene)
-    steps = bake(extraction.scene, settings_of(task), CyclesShader(bpy.context.scene, extraction))
+    steps = bake(extraction.scene, settings_of(task), CyclesShader(bpy.context.scene.name, extraction))
     leading: dict[str, float] = {}
     name, before = "Unwrap", time.thread_time()
     while True:
