@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Generator
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Generic, TypeVar
 
 S = TypeVar("S")
@@ -20,37 +20,47 @@ U = TypeVar("U")
 Fractions = Generator[float, None, T]
 """Yields the share done, 0..1; returns a result."""
 
-LONGEST_WAIT = 0.1
-"""Seconds that a chunk is waited for before the share done is yielded again, for whoever may cancel."""
+LONGEST_WAIT = 0.02
+"""Seconds that threads are waited for before the share done is yielded again, for whoever may cancel."""
 
 
 def in_chunks(work: Callable[[int, int], T], count: int, chunk: int, workers: int) -> Fractions[list[T]]:
-    """Run work(start, stop) over 0..count and yield the share done after each chunk, and while one takes long.
+    """Run work(start, stop) over 0..count and yield the share done from time to time.
 
-    Closing the generator cancels what has not started and waits for what has. At most two chunks a
-    worker are in flight, so memory is bounded by the chunk, not by the count.
+    A thread that is through with a chunk takes the next one by itself, so that none waits for another. Closing the
+    generator cancels what has not started and waits for what has. One chunk a worker is in flight, so memory is
+    bounded by the chunk, not by the count.
     """
     spans = [(start, min(start + chunk, count)) for start in range(0, count, chunk)]
-    results: list[T] = []
     if workers == 1 or len(spans) <= 1:
+        done: list[T] = []
         for start, stop in spans:
-            results.append(work(start, stop))
+            done.append(work(start, stop))
             yield stop / count
-        return results
-    pending: deque[Future[T]] = deque()
-    waiting = deque(spans)
+        return done
+    results: dict[int, T] = {}
+    waiting = deque(enumerate(spans))
+
+    def labour() -> None:
+        while True:
+            try:
+                number, span = waiting.popleft()
+            except IndexError:
+                return
+            results[number] = work(*span)
+
     pool = ThreadPoolExecutor(workers, thread_name_prefix="radiosity")
     try:
-        while waiting or pending:
-            while waiting and len(pending) < 2 * workers:
-                pending.append(pool.submit(work, *waiting.popleft()))
-            while not wait([pending[0]], LONGEST_WAIT).done:
-                yield len(results) / len(spans)
-            results.append(pending.popleft().result())
+        busy = {pool.submit(labour) for _ in range(min(workers, len(spans)))}
+        while busy:
+            ended, busy = wait(busy, LONGEST_WAIT, FIRST_EXCEPTION)
+            for each in ended:
+                each.result()
             yield len(results) / len(spans)
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    return results
+        waiting.clear()
+        pool.shutdown(wait=True)
+    return [results[number] for number in range(len(spans))]
 
 
 def side_by_side(work: Callable[[int], Fractions[T]], count: int, workers: int) -> Fractions[list[T]]:

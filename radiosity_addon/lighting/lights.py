@@ -25,7 +25,7 @@ from ..sampling import hash_uniform
 from ..scene import AreaLight, Light, Scene, SunLight
 from ..settings import BakeSettings
 from .area_lamps import PanelLamp, area_lamp
-from .companies import Company, brightest, companies_of
+from .companies import brightest, companies_of
 from .emitters import emissive_lamps
 from .glow import Glow
 from .lamp_samples import lattice, lattice_generators, rows_of, shifted
@@ -33,9 +33,9 @@ from .lamps import Lamp, round_lamp, sun_lamp
 from .many_lamps import survey
 from .mesh_lamp import MeshLamp
 from .own_faces import OwnFaces, add_own_light, own_irradiance_at
-from .penumbra import smooth_penumbrae
-from .shades import Probes, Shades, pooled
-from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot, trace_partly
+from .penumbra import trace_shares
+from .shades import Probes, undecided
+from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot
 from .sparse_light import light_of_meshes
 from .terminator import Footing
 
@@ -45,8 +45,8 @@ BATCH = 8
 BATCH_BYTES = 6 << 24
 """What the pairs of a batch's lamps and texels take while it is worked on, at most."""
 
-POOL = 2
-"""Probes are pooled over this many texels to every side."""
+WIDE = 1 << 14
+"""Partly lit texels from which on all threads trace a lamp's together; lamps of fewer are traced side by side."""
 
 MANY = 32
 """Lamps from which on nodes find out where each of them matters."""
@@ -284,22 +284,35 @@ def _shares(
 
     companies = companies_of(batch.lamps, batch.receivers)
     count = len(companies)
+    aside = count > 1 and texels.count <= COPIED  # a lamp's few partly lit texels would keep one thread busy
 
-    def share_of(number: int, workers: int) -> Fractions[Float32]:
-        if not companies[number].lamp.shadow:
-            return np.ones((len(companies[number].members), 1), np.float32)
-        own = replace(settings, threads=workers)
-        return (yield from _shadow(companies[number], texels, visibility, own, probes, weak))
+    def pool(number: int, workers: int) -> Fractions[tuple[Float32, Int64]]:
+        company = companies[number]
+        if not company.lamp.shadow:
+            yield 0.0
+            return np.ones((len(company.members), 1), np.float32), np.zeros(0, np.int64)
+        return (yield from undecided(probes, company.members, company.channels(visibility), texels, workers))
 
-    if count > 1 and texels.count <= COPIED:  # a lamp's few partly lit texels would keep one thread busy
-        working = side_by_side(lambda number: share_of(number, 1), count, settings.workers)
-        found = yield from scaled(working, 0.5, 1)
+    def trace(number: int, workers: int) -> Fractions[None]:
+        company, (share, partly) = companies[number], known[number]
+        lit = (probes.light[company.members] > 0).any(0)
+        rays = settings.steps.shadow_rays
+        return trace_shares(company.lamp, texels, partly, lit, share, weak, visibility, rays, workers)
+
+    if aside:
+        known = yield from scaled(side_by_side(lambda k: pool(k, 1), count, settings.workers), 0.5, 0.6)
     else:
-        found = []
-        for done in range(count):
-            low, high = 0.5 + done / count / 2, 0.5 + (done + 1) / count / 2
-            found.append((yield from scaled(share_of(done, settings.workers), low, high)))
-    of_each = [pair for company, share in zip(companies, found, strict=True) for pair in company.of_each(share)]
+        known = []
+        for number in range(count):
+            known.append((yield from scaled(pool(number, settings.workers), 0.5, 0.6)))
+    asking = sorted((k for k in range(count) if len(known[k][1])), key=lambda k: -len(known[k][1]))
+    wide = [k for k in asking if not aside or len(known[k][1]) > WIDE]
+    narrow = asking[len(wide) :]
+    for done, number in enumerate(wide):
+        yield from scaled(trace(number, settings.workers), 0.6 + 0.4 * done / count, 0.6 + 0.4 * (done + 1) / count)
+    tracing = side_by_side(lambda k: trace(narrow[k], 1), len(narrow), settings.workers)
+    yield from scaled(tracing, 0.6 + 0.4 * len(wide) / count, 1)
+    of_each = [pair for company, (share, _) in zip(companies, known, strict=True) for pair in company.of_each(share)]
     return probes, [share for _, share in sorted(of_each, key=lambda pair: pair[0])]
 
 
@@ -342,42 +355,3 @@ def _probe(
                 probes.put(index, some.ids, own, arrived.reshape(len(arrived), count, -1))
 
     return in_chunks(work, texels.count, PROBE_CHUNK, settings.workers)
-
-
-def _shadow(
-    company: Company,
-    texels: Texels,
-    visibility: Visibility,
-    settings: BakeSettings,
-    probes: Probes,
-    weak: Bools | None,
-) -> Fractions[Float32]:
-    """The share (C, T) of the light of a lamp, or of each of those that share its samples; yields the share done."""
-    workers, lamp, members = settings.workers, company.lamp, company.members
-    own = Shades(probes.low[members].min(0), probes.high[members].max(0))
-    near = yield from scaled(pooled(own, texels, POOL, workers), 0, 0.1)
-    ratio = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], company.channels(visibility), axis=0)
-    lit = (probes.light[members] > 0).any(0)
-    asked = near.disagree()
-    if probes.share is not None:
-        dimmed = ~asked & (near.low > 0) & (near.high > 0) & (near.high < 255)
-        asked |= dimmed & (own.low > own.high)  # its neighbours are dimmed, it has no probe of its own
-        dims = probes.share[members[0]] if len(members) == 1 else probes.share[members, 0]
-        ratio[:, dimmed] = dims[:, dimmed]
-    partly = np.flatnonzero(asked & lit)
-    noise = np.zeros_like(ratio)
-    parts = [(partly, settings.steps.shadow_rays)]
-    if weak is not None:
-        few = weak[partly]
-        parts = [(partly[few], STRATA), (partly[~few], settings.steps.shadow_rays)]
-    found = []
-    for part, rays in parts:
-        tracing = trace_partly(lamp, texels, part, lit, ratio, noise, visibility, rays, workers)
-        found.append((yield from scaled(tracing, 0.1, 0.8)))
-    penumbra = np.concatenate(found)
-    if lamp.extended:
-        for channel, (shares, variances) in enumerate(zip(ratio, noise, strict=True)):
-            steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)
-            low, high = (0.8 + 0.2 * each / len(ratio) for each in (channel, channel + 1))
-            yield from scaled(steps, low, high)
-    return ratio

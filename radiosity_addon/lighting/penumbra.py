@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Wide penumbrae made smooth: what neighbouring texels see of a lamp, fitted by a plane where it is one."""
+"""Penumbrae traced and, where wide, made smooth: what texels around see of a lamp, fitted by a plane if it is one."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
-from ..chunks import Fractions, in_chunks
-from ..geometry.texels import Texels
+from ..chunks import Fractions, in_chunks, scaled
+from ..geometry.texels import STRATA, Texels
+from ..geometry.visibility import Visibility
 from .lamp_samples import basis, dot, rows_of
+from .lamps import Lamp
+from .shadows import trace_partly
 
 CHUNK = 1 << 14
 """Texels fitted in one go."""
@@ -30,6 +33,42 @@ APART = 1.6
 
 NO_SHARE = np.float32(-1)
 """Stands for the share of a texel that takes part in no fit."""
+
+
+def trace_shares(
+    lamp: Lamp,
+    texels: Texels,
+    partly: Int64,
+    lit: Bools,
+    share: Float32,
+    weak: Bools | None,
+    visibility: Visibility,
+    rays: int,
+    workers: int,
+) -> Fractions[None]:
+    """Find the share (C, T) of a lamp's light that arrives at partly lit texels, in place.
+
+    Args:
+        partly: (N,) int64, texels to treat
+        lit: (T,) bool, texels that the unshadowed lamp shines on
+        weak: (T,) bool, texels where one ray from each stratum does; None: nowhere
+        rays: of the others
+    """
+    noise = np.zeros_like(share)
+    parts = [(partly, rays)]
+    if weak is not None:
+        few = weak[partly]
+        parts = [(partly[few], STRATA), (partly[~few], rays)]
+    found = []
+    for part, count in parts:
+        tracing = trace_partly(lamp, texels, part, lit, share, noise, visibility, count, workers)
+        found.append((yield from scaled(tracing, 0, 0.8)))
+    if lamp.extended:
+        penumbra = np.concatenate(found)
+        for channel, (shares, variances) in enumerate(zip(share, noise, strict=True)):
+            steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)
+            low, high = (0.8 + 0.2 * each / len(share) for each in (channel, channel + 1))
+            yield from scaled(steps, low, high)
 
 
 def smooth_penumbrae(

@@ -17,6 +17,9 @@ from .lamp_samples import TINY
 
 Bytes: TypeAlias = NDArray[np.uint8]
 
+POOL = 2
+"""Probes are pooled over this many texels to every side."""
+
 BAND = 512
 """Rows of a page whose samples are pooled in one go."""
 
@@ -95,6 +98,27 @@ class Probes:
         self.high[lamp, ids] = np.where(shot, codes, 0).max(0)
         if self.share is not None:
             self.share[lamp][:, ids] = (light * share).sum(1) / np.maximum(light.sum(0), TINY)
+
+
+def undecided(
+    probes: Probes, members: list[int], channels: int, texels: Texels, workers: int
+) -> Fractions[tuple[Float32, Int64]]:
+    """The share (C, T) of a lamp's light that arrives where probes around agree, and the texels where they don't.
+
+    Args:
+        members: the lamp, or all those that share its samples
+        channels: C, of all of them
+    """
+    own = Shades(probes.low[members].min(0), probes.high[members].max(0))
+    near = yield from pooled(own, texels, POOL, workers)
+    share = np.repeat(((near.high > 0) | (near.low > 0)).astype(np.float32)[None], channels, axis=0)
+    asked = near.disagree()
+    if probes.share is not None:
+        dimmed = ~asked & (near.low > 0) & (near.high > 0) & (near.high < 255)
+        asked |= dimmed & (own.low > own.high)  # its neighbours are dimmed, it has no probe of its own
+        dims = probes.share[members[0]] if len(members) == 1 else probes.share[members, 0]
+        share[:, dimmed] = dims[:, dimmed]
+    return share, np.flatnonzero(asked & (probes.light[members] > 0).any(0))
 
 
 def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
