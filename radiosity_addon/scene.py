@@ -102,7 +102,8 @@ class Mesh:
         two_sided: its backs get a place on a page too
         front: of a record of backs: index of the mesh whose backs they are
         terminator: cosine of light with the surface below which shadow rays of smooth-shaded triangles start on the
-            rounder surface that their normals tell of; 0: they start where they are
+            rounder surface that their normals tell of; 0: they pass the triangle that they start on instead; None: no
+            light comes from below a triangle
         page_group: meshes of one group share pages that no others are on; those of one `shape` are of one group
     """
 
@@ -123,7 +124,7 @@ class Mesh:
     casts: bool = True
     two_sided: bool = False
     front: int | None = None
-    terminator: float = 0.0
+    terminator: float | None = None
     page_group: str = ""
 
     def laid_flat(self) -> Mesh:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,7 +65,7 @@ def test_backs_see_the_bulge_of_the_turned_triangle() -> None:
     assert front == pytest.approx(-height(ball_triangle(turned=True), 0.3, 0.4), rel=1e-4)
 
 
-def lit_ball(terminator: float) -> tuple[np.ndarray, Texels]:
+def lit_ball(terminator: float | None) -> tuple[np.ndarray, Texels]:
     """Direct light (T,) of a sun on a coarse ball with smooth normals."""
     ball = sphere("Ball", segments=12, rings=8, terminator=terminator)
     scene = Scene((ball,), (Material("Grey", (0.5,) * 3),), (SUN,))
@@ -83,14 +85,38 @@ def test_a_ball_of_facets_is_lit_as_its_normals_say_up_to_the_terminator() -> No
 
 
 def test_without_it_facets_that_look_away_are_dark() -> None:
-    light, texels = lit_ball(0.0)
+    light, texels = lit_ball(None)
     away = (texels.shading_normal @ TOWARDS > 0.02) & (texels.normal @ TOWARDS < 0)
     assert away.sum() > 100
     assert not light[away].any()
 
 
+def test_with_an_offset_of_0_light_from_below_passes_the_facet_that_it_meets_but_no_other() -> None:
+    """An open triangle is lit as its normals say; the other side of a ball keeps its facets dark."""
+    alone = lit_triangle(0.0, tilt=0.3)
+    np.testing.assert_allclose(alone, np.sin(0.2), rtol=1e-3)
+    assert not lit_triangle(None, tilt=0.3).any()
+    light, texels = lit_ball(0.0)
+    away = (texels.shading_normal @ TOWARDS > 0.02) & (texels.normal @ TOWARDS < -0.02)
+    assert away.sum() > 50
+    assert not light[away].any()
+
+
+def lit_triangle(terminator: float | None, tilt: float) -> np.ndarray:
+    """Light of a sun 0.1 rad below a level triangle whose normals all lean by `tilt` rad towards it."""
+    floor = mesh_of("Leaf", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0))], [0], terminator=terminator)
+    leaning = np.broadcast_to(np.float32([np.sin(tilt), 0, np.cos(tilt)]), floor.corner_normals.shape)
+    sun = SunLight("sun", (1.0, 1.0, 1.0), (-np.cos(0.1), 0.0, np.sin(0.1)))
+    scene = Scene((replace(floor, corner_normals=leaning),), (Material("Grey", (0.5,) * 3),), (sun,))
+    surfaces = flatten(scene)
+    texels = finish(rasterize(cell_atlas(scene, 32), surfaces))
+    lamps = lamps_of(scene.moved(-surfaces.origin), surfaces)
+    light = finish(direct_irradiance(lamps, texels, Visibility(surfaces.corners), BakeSettings(), 1))
+    return light[:, 0, 0]
+
+
 def test_light_that_does_not_graze_is_left_as_it_is() -> None:
-    off, texels = lit_ball(0.0)
+    off, texels = lit_ball(None)
     low, _ = lit_ball(0.1)
     steep = np.minimum(texels.shading_normal @ TOWARDS, texels.normal @ TOWARDS) > 0.35
     np.testing.assert_array_equal(low[steep], off[steep])

@@ -31,6 +31,9 @@ BLOCK = 1 << 14
 SLIT = 1e-6
 """The rim of a slit strays from a line by less than this share of its length."""
 
+THROUGH = np.float32(-1)
+"""Terminator of triangles that light from below passes, as they stand for a smooth surface without being lifted."""
+
 _OF_TRIANGLES = (
     "corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "met", "casts", "front",
     "terminator",
@@ -55,7 +58,7 @@ class Surfaces:
         casts: (F,) bool, it stops the light of lamps
         front: (F,) int32, of a twin the triangle whose back it is, of others themselves
         terminator: (F,) float32, cosine of light below which shadow rays start on the rounder surface that the normals
-            tell of; 0 for flat triangles
+            tell of; THROUGH where they pass the triangle itself instead; 0 for flat triangles
         origin: (3,) float64, m, what was subtracted from world space
         radius: half the diagonal of the bounding box, m
     """
@@ -144,7 +147,7 @@ class Surfaces:
 
     @cached_property
     def rounds(self) -> bool:
-        """Whether shadow rays start on a rounder surface anywhere."""
+        """Whether shadow rays take triangles for a rounder surface anywhere."""
         return bool(self.terminator.any())
 
     @cached_property
@@ -190,7 +193,8 @@ def flatten(scene: Scene) -> Surfaces:
     component, closed = _components(scene)
     front = _fronts(scene, first)
     corner_normals = _joined([mesh.corner_normals for mesh in scene.meshes], (0, 3, 3), np.float32)
-    terminator = np.repeat(np.array([mesh.terminator for mesh in scene.meshes], np.float32), np.diff(first))
+    known = [0 if mesh.terminator is None else mesh.terminator or THROUGH for mesh in scene.meshes]
+    terminator = np.repeat(np.array(known, np.float32), np.diff(first))
     if terminator.any():
         terminator[_flat(corner_normals, normal.astype(np.float32))] = 0
     return Surfaces(

@@ -6,9 +6,11 @@ grazes this surface is hidden by the next triangle, or comes from below the hori
 Cycles therefore lifts the origins of grazing shadow rays to the surface that the normals tell of (Object > Shading >
 Shadow Terminator > Geometry Offset), and leaves it to the rays what is below the horizon.
 
-Two things differ. Cycles also lifts the rays that it sends to the world as to a lamp; here only bright pieces of the
-sky are lamps, and the rest of it, a hundredth of which grazes, is gathered from where surfaces are. And with an offset
-of 0 Cycles lets light from below a facet through that very facet, so that open sheets leak; here it stays dark.
+With an offset of 0 light from below a facet comes through that very facet, and is stopped by others only: closed bodies
+stay dark there, open sheets do not.
+
+One thing differs. Cycles also lifts the rays that it sends to the world as to a lamp; here only bright pieces of the
+sky are lamps, and the rest of it, a hundredth of which grazes, is gathered from where surfaces are.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Float32, Int32, Int64
-from ..geometry.surfaces import Surfaces
+from ..geometry.surfaces import THROUGH, Surfaces
 from ..geometry.texels import Texels
 from .lamp_samples import TINY, dot, rows_of
 
@@ -56,8 +58,13 @@ class Footing:
         """
         limit = self.surfaces.terminator.take(self.triangle)
         length = np.sqrt(np.maximum(dot(way, way), TINY))
-        above = dot(way, rows_of(self.surfaces.normals(self.triangle))) / length * np.float32(self.side)
+        normal = rows_of(self.surfaces.normals(self.triangle)) * np.float32(self.side)
+        above = dot(way, normal) / length
         cosine = dot(way, shading) / length
+        through = np.flatnonzero((limit == THROUGH) & (above < 0))
+        if len(through):
+            p = p.copy()
+            p[:, through] -= normal[:, through] * np.float32(2 * self.surfaces.offset)  # from its other side
         grazing = np.flatnonzero((limit > 0) & ((above < limit) | (cosine < limit)))
         if not len(grazing):
             return p, way
@@ -108,10 +115,10 @@ def bulge(surfaces: Surfaces, triangle: Int32, weights: Float32, side: int = 1) 
 def horizons(texels: Texels, ids: Int64, shading: Float32) -> Float32:
     """Unit normals (B, 3) of the planes below which no light comes to texels `ids`, with shading normals (B, 3).
 
-    Where shadow rays start on the rounder surface, they find out themselves.
+    Where shadow rays start on the rounder surface, or pass the triangle that they leave, they find out themselves.
     """
     normal: Float32 = texels.normal.take(ids)
     if texels.surfaces.rounds:
-        rounder = texels.surfaces.terminator.take(texels.triangle[ids]) > 0
+        rounder = texels.surfaces.terminator.take(texels.triangle[ids]) != 0
         normal[rounder] = shading[rounder]
     return normal

@@ -23,10 +23,10 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
 from tests.accuracy.cycles_judge import by_cycles
 
-PAGE = 192
+PAGE = 240
 SAMPLES = 48
-OFFSETS = (0.1, 0.5)
-"""Cycles' default, and one that reaches farther."""
+OFFSETS = (0.0, 0.1, 0.5)
+"""None, Cycles' default, and one that reaches farther."""
 
 
 def stand(name: str, mesh: bpy.types.Mesh, place: tuple[float, float, float], offset: float) -> None:
@@ -64,7 +64,7 @@ def lit() -> tuple[Baked, Baked, np.ndarray]:
         stand("Sheet", sheet(), (0.0, 2.0 + 4.0 * row, 0.0), offset)
     for kind, strength, place, turn in (
         ("SUN", 3.0, (0.0, 0.0, 0.0), (0.3, math.radians(-65), 0.0)),
-        ("AREA", 900.0, (6.0, 3.0, 2.0), (0.0, math.radians(72), 0.0)),
+        ("AREA", 900.0, (6.0, 5.0, 2.0), (0.0, math.radians(72), 0.0)),
     ):
         lamp = bpy.data.objects.new(kind, bpy.data.lights.new(kind, kind))
         lamp.data.energy, lamp.location, lamp.rotation_euler = strength, place, turn
@@ -73,7 +73,7 @@ def lit() -> tuple[Baked, Baked, np.ndarray]:
     extraction = extract_scene(scene)
     settings = BakeSettings(page_size=PAGE, quality="medium", bounces=0)
     found = extraction.scene
-    flat = replace(found, meshes=tuple(replace(mesh, terminator=0.0) for mesh in found.meshes))
+    flat = replace(found, meshes=tuple(replace(mesh, terminator=None) for mesh in found.meshes))
     bakes = [finish(bake(each, settings, CyclesShader(scene, extraction))) for each in (found, flat)]
     return bakes[0], bakes[1], by_cycles(bakes[0], found, [mesh.name for mesh in found.meshes], {"DIRECT"}, SAMPLES)
 
