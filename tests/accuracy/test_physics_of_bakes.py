@@ -155,17 +155,22 @@ def test_an_integrating_sphere_of_100_w_has_a_radiance_of_2_533() -> None:
 
 
 def test_a_sphere_of_varying_emission_and_reflectance_is_lit_evenly() -> None:
-    """H = sum(A E) / sum(A (1 - rho)), whatever shines where: from any point of a sphere all parts count by area."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1)
+    """H = sum(A E) / sum(A (1 - rho)), whatever shines where: from any point of a sphere all parts count by area.
+
+    On these 96 x 48 flat faces the mean is 0.012 % less, by their form factors, and places differ by 0.7 %.
+    """
+    segments = 96
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2, radius=1)
     sphere = bpy.context.object
     bpy.ops.object.shade_smooth()
     sphere.data.flip_normals()
     kinds = [(0.2, 0.0), (0.8, 0.0), (0.5, 1.0), (0.6, 3.0)]
     for reflectance, strength in kinds:
         sphere.data.materials.append(material(reflectance, strength))
-    chosen = [
-        0 if face.center.x > 0.3 else 1 if face.center.z > 0 else 2 + face.index % 2 for face in sphere.data.polygons
-    ]
+    place = np.array([face.center for face in sphere.data.polygons])
+    # stripes by where faces are: their order differs from run to run
+    stripe = np.floor(np.arctan2(place[:, 1], place[:, 0]) * (segments / (2 * math.pi))).astype(int) % 2
+    chosen = np.where(place[:, 0] > 0.3, 0, np.where(place[:, 2] > 0, 1, 2 + stripe)).astype(np.int32)
     sphere.data.polygons.foreach_set("material_index", chosen)
     area = np.array([face.area for face in sphere.data.polygons])
     reflectance, strength = np.array(kinds)[chosen].T
