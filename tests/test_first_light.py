@@ -80,6 +80,16 @@ def test_an_open_floor_sees_the_whole_sky() -> None:
     assert light.indirect == pytest.approx(np.pi * np.array([[1.0, 2.0, 3.0]]) * np.ones_like(light.indirect), rel=1e-5)
 
 
+def test_what_sinks_into_the_floor_is_not_as_dark_as_what_is_below() -> None:
+    """A skirting board, 5 mm deep in the boards: its side sees half of a sky of 1 and a floor that is lit by it."""
+    skirting = box("Skirting", (-1.9, -0.01, -0.005), (1.9, 0.01, 0.09))
+    light = light_of(Scene((floor(), skirting), (WHITE,), world=World((1.0, 1.0, 1.0))))
+    vertices = light.vertices
+    height = vertices.surfaces.points(vertices.triangle, vertices.weights)[:, 2] + vertices.surfaces.origin[2]
+    side = vertices.surfaces.normal[vertices.triangle, 1] < -0.99
+    assert light.indirect[vertices.sample[side & (height > 0.01)]].min() > 1
+
+
 def test_backs_of_two_sided_meshes_have_light_of_their_own() -> None:
     """A lamp below lights the back of the floor only."""
     lamp = PointLight("Lamp", (9.0, 9.0, 9.0), (0, 0, -3))

@@ -125,13 +125,17 @@ def place_vertices(surfaces: Surfaces, spacing: float, most: int) -> Vertices:
     normals = surfaces.blended_normals(triangle, weights)
     width = NARROWEST * spacing
     while True:
-        names, seat, sample = np.unique(
-            cell_names(surfaces, triangle, position, normals, width), return_index=True, return_inverse=True
-        )
-        if len(names) <= most or width > surfaces.radius:
+        names = cell_names(surfaces, triangle, position, normals, width)
+        order = np.argsort(names, kind="stable")
+        begin = np.flatnonzero(np.diff(names[order], prepend=-1))
+        if len(begin) <= most or width > surfaces.radius:
             break
         width *= 2
-    return Vertices(surfaces, steps, first, triangle, weights, sample.reshape(-1).astype(np.int32), seat)
+    sample = np.empty(len(order), np.int32)
+    sample[order] = np.repeat(np.arange(len(begin), dtype=np.int32), np.diff(begin, append=len(order)))
+    # the first vertices of a cell lie at the edge of its surface, where furniture stands on floors, and sinks into them
+    seat = order[(begin + np.append(begin[1:], len(order))) // 2]
+    return Vertices(surfaces, steps, first, triangle, weights, sample, seat)
 
 
 def cell_names(
