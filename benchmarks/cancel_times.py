@@ -55,15 +55,16 @@ def cancel_all(window: Window, scene: str, folder: Path, stages: list[str]) -> N
     window.ask("watch")
     window.click_button("bpy.ops.radiosity.bake(")
     seen = ended(window)
-    window.click_button("bpy.ops.radiosity.revert(")
-    window.until(lambda: not window.ask("state")["baked"], "the bake is taken out")
-    shutil.rmtree(folder / f"{scene}_textures")
+    revert(window, folder / f"{scene}_textures")
     order = sorted(seen, key=lambda stage: seen[stage])
     print(f"{scene}: {seen['ended'] - seen[order[0]]:.1f} s to its end", flush=True)
     for stage, after in itertools.pairwise(order):
         if stages and stage not in stages:
             continue
-        cancel(window, stage, (seen[after] - seen[stage]) / 2)
+        if not cancel(window, stage, (seen[after] - seen[stage]) / 2):
+            print("  was over before", flush=True)
+            revert(window, folder / f"{scene}_textures")
+            continue
         found = window.ask("changed") + sorted({path.name for path in folder.iterdir()} - {*before, *AIDE})
         print("  " + (f"DIFFERS: {found}" if found else "as before"), flush=True)
 
@@ -72,17 +73,25 @@ AIDE = ("question.json", "answer.json", "shot.bmp", "question.part", "answer.par
 """What the window and who drives it write to each other."""
 
 
-def cancel(window: Window, stage: str, into: float) -> None:
-    """Press Esc so many seconds into a stage."""
+def revert(window: Window, textures: Path) -> None:
+    """Take a bake out, and its files."""
+    window.click_button("bpy.ops.radiosity.revert(")
+    window.until(lambda: not window.ask("state")["baked"], "the bake is taken out")
+    shutil.rmtree(textures)
+
+
+def cancel(window: Window, stage: str, into: float) -> bool:
+    """Press Esc so many seconds into a stage; whether that cancelled the bake."""
     window.ask("watch")
     window.click_button("bpy.ops.radiosity.bake(")
     window.until(lambda: stage in window.ask("seen") or "ended" in window.ask("seen"), f"stage {stage} is seen")
-    time.sleep(max(0.0, window.ask("seen")[stage] + into - time.monotonic()))
+    time.sleep(max(0.0, window.ask("seen").get(stage, 0.0) + into - time.monotonic()))
     pressed = time.monotonic()
     window.press("Escape")
     seen = ended(window)
     last = max((name for name in seen if name != "ended" and seen[name] <= pressed), key=lambda name: seen[name])
     print(f"  {stage:<14}{seen['ended'] - pressed:6.2f} s  (in {last})", end="", flush=True)
+    return not window.ask("state")["baked"]
 
 
 def ended(window: Window) -> dict[str, float]:
