@@ -14,6 +14,7 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.transmittance import transmittance_of
 from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.lighting.companies import companies_of
 from radiosity_addon.lighting.glow import glow_of
 from radiosity_addon.lighting.lights import Lamps, irradiance_at, lamps_of
 from radiosity_addon.scene import Material, Mesh, Scene
@@ -122,6 +123,18 @@ def test_the_colours_of_a_picture_share_their_shadow_rays():
         finish(irradiance_at(found, at, normals, visibility, 16, np.arange(len(points)), 1))
         traced.append(visibility.traced)
     assert traced[0] == pytest.approx(traced[1], rel=0.02)  # a sample may fall where a colour is black
+
+
+def test_colours_that_lie_apart_have_more_samples_and_alike_ones_hardly_any_more():
+    def made_good(shown) -> float:
+        found = lamps(before_a_wall(screen(), VARIED), shown)[0]
+        (company,) = companies_of(found.lamps, ())
+        return company.lamp.hidden_share
+
+    apart = made_good(lambda place: np.where(place[..., :1] < 0, (1, 0, 0), (0, 1, 0)))
+    alike = made_good(lambda place: np.where(place[..., :1] < 0, (1, 0.9, 1), (0.9, 1, 1)))
+    assert apart == pytest.approx(0.5, abs=0.01)  # half of the samples are for each colour
+    assert 0 <= alike < 0.01
 
 
 def test_a_coloured_pane_lets_each_colour_of_a_picture_through_by_its_own_share():
