@@ -82,8 +82,10 @@ def test_an_open_floor_sees_the_whole_sky() -> None:
 
 def test_what_sinks_into_the_floor_is_not_as_dark_as_what_is_below() -> None:
     """A skirting board, 5 mm deep in the boards: its side sees half of a sky of 1 and a floor that is lit by it."""
-    skirting = box("Skirting", (-1.9, -0.01, -0.005), (1.9, 0.01, 0.09))
-    light = light_of(Scene((floor(), skirting), (WHITE,), world=World((1.0, 1.0, 1.0))))
+    skirting = box("Skirting", (-9.0, -0.01, -0.005), (9.0, 0.01, 0.09))
+    light = light_of(
+        Scene((box("Floor", (-10, -10, -1), (10, 10, 0)), skirting), (WHITE,), world=World((1.0, 1.0, 1.0)))
+    )
     vertices = light.vertices
     height = vertices.surfaces.points(vertices.triangle, vertices.weights)[:, 2] + vertices.surfaces.origin[2]
     side = vertices.surfaces.normal[vertices.triangle, 1] < -0.99
