@@ -18,7 +18,7 @@ from .lamps import Lamp
 from .shades import Shades, pooled, shade_codes
 from .terminator import Footing, footing, horizons
 
-TRACE_CHUNK = 1 << 13
+TRACE_CHUNK = 1 << 12
 """Partly lit texels traced in one go, STRATA rays of each at a time."""
 
 EDGE_RAYS = 64
