@@ -33,8 +33,8 @@ class Quality:
     quality   aimed at      measured
     ========  ============  ================================================================================
     draft     3.5 % (7 %)   Cornell box 1.7, studio 1.5, office 1.6, court 1.7, pavilion 0.7 % (3.3 %)
-    medium    2.5 % (5 %)   Cornell box 0.7, studio 1.3, office 1.2, court 1.3, pavilion 0.5 % (2.0 %)
-    high      1.5 % (3 %)   Cornell box 0.5, studio 1.1, office 1.0, court 1.2, pavilion 0.4 % (1.1 %)
+    medium    2.5 % (5 %)   Cornell box 0.8, studio 1.2, office 1.2, court 1.3, pavilion 0.5 % (2.1 %)
+    high      1.5 % (3 %)   Cornell box 0.5, studio 0.9, office 0.9, court 1.0, pavilion 0.4 % (1.5 %)
     ========  ============  ================================================================================
 
     A bake says in its report what it finds that it errs itself (`gather/own_error`).
@@ -46,7 +46,7 @@ class Quality:
         gather_spacing: least distance of gather points, in texels, on open surfaces
         gather_points: gather points on open surfaces, at most; nooks get more
         gather_split: gather points get closer while they are farther apart than this share of the harmonic mean
-            distance that they see; those of high quality are close from the start
+            distance that they see, or that light comes from
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
@@ -68,8 +68,8 @@ class Quality:
 
 QUALITY_STEPS: dict[str, Quality] = {
     "draft": Quality(48, 4000, 96, 8.0, 6000, 0.35, 1, 12, 1, 0.012),
-    "medium": Quality(64, 12000, 224, 5.0, 6000, 0.18, 1, 36, 2, 0.006),
-    "high": Quality(128, 24000, 512, 4.0, 12000, 0.35, 4, 144, 4, 0.003),
+    "medium": Quality(64, 12000, 192, 5.0, 6000, 0.18, 1, 36, 2, 0.006),
+    "high": Quality(128, 24000, 384, 4.0, 12000, 0.12, 4, 144, 4, 0.003),
 }
 
 

@@ -14,7 +14,16 @@ from radiosity_addon.chunks import Fractions, finish
 from radiosity_addon.gather import irradiance_fit
 from radiosity_addon.gather.gather_points import GatherPoints, part_at_walls, place_points
 from radiosity_addon.gather.gather_rays import BELOW, GatherRays, RayCounts, Tally
-from radiosity_addon.gather.guiding import BIN_DENSITY, BINS, TURNS, direction_bins, directions_in, draw_bins, pool
+from radiosity_addon.gather.guiding import (
+    BIN_DENSITY,
+    BINS,
+    TURNS,
+    direction_bins,
+    directions_in,
+    draw_bins,
+    pool,
+    sweep_starts,
+)
 from radiosity_addon.gather.irradiance_fit import OVERSHOOT, fit_irradiance
 from radiosity_addon.gather.neighbours import NEIGHBOURS, SAME_FACING, Neighbours, find_neighbours
 from radiosity_addon.geometry.surfaces import flatten
@@ -70,17 +79,21 @@ def test_bins_are_drawn_in_proportion_to_their_density() -> None:
     density = (rng.random((4, BINS)) ** 8).astype(np.float32)
     density *= BIN_DENSITY / density.sum(1, keepdims=True)
     samples = 10_000
-    drawn = draw_bins(density, samples, 7)
+    drawn = draw_bins(density, samples, np.arange(4), np.array([0.0, 0.3, 0.6, 0.9]))
     for row, bins in enumerate(drawn):
         expected = samples * density[row] / BIN_DENSITY
         assert np.abs(np.bincount(bins, minlength=BINS) - expected).max() <= 1.01
 
 
-def test_rows_draw_the_same_bins_however_they_are_cut_into_chunks() -> None:
-    density = np.random.default_rng(4).random((6, BINS)).astype(np.float32)
+def test_points_of_one_group_share_its_light_evenly_between_them() -> None:
+    """Each of 16 points draws every bin too often or too seldom by up to 1: if alike, by up to 16 in all."""
+    density = np.random.default_rng(4).random((2, BINS)).astype(np.float32)
     density *= BIN_DENSITY / density.sum(1, keepdims=True)
-    parts = [draw_bins(density[start : start + 2], 50, 10 + start) for start in (0, 2, 4)]
-    assert np.array_equal(draw_bins(density, 50, 10), np.concatenate(parts))
+    group, samples = np.repeat([1, 0], 16), 100
+    drawn = draw_bins(density, samples, group, sweep_starts(group, np.tile(np.arange(16), 2)))
+    for row in (0, 1):
+        found = np.bincount(drawn[group == row].reshape(-1), minlength=BINS)
+        assert np.abs(found - 16 * samples * density[row] / BIN_DENSITY).max() < 3
 
 
 # what rays count
@@ -161,6 +174,28 @@ def test_each_part_of_a_texel_on_two_faces_has_the_horizon_of_its_own_face() -> 
     assert seen == pytest.approx((1 + lean) / 2, abs=0.02)
 
 
+def test_what_shines_counts_by_its_distance_where_it_is_nearer_than_most() -> None:
+    """Light of a board 0.1 m away changes over distances like that, however far the dark walls around are."""
+    far_walls = box("Walls", (-20, -20, -1), (24, 24, 20))
+    inward = Mesh(**{**vars(far_walls), "triangles": far_walls.triangles[:, ::-1]})
+    board = mesh_of("Board", [quad((1.9, 1.9, 0.1), (0, 0.2, 0), (0.2, 0, 0))], [0])
+    texels = floor(board, inward)
+    visibility = Visibility(texels.surfaces.corners)
+    walls = finish(find_walls(texels, visibility, 1))
+    grey, solid = np.zeros((texels.count, 3), np.float32), np.ones(texels.surfaces.count, bool)
+    patches = group_patches(texels, walls, grey, grey, solid, 500, visibility)
+    place = texels.position + texels.surfaces.origin
+    beside = np.linalg.norm(place - [2.2, 2.0, 0.0], axis=1).argmin(keepdims=True)
+    harmonic = []
+    for shining in (place[:, 2] > 9, np.abs(place[:, 2] - 0.1) < 0.01):
+        bright = np.zeros(texels.count + patches.count + SPECIAL_ROWS, np.float32)
+        bright[: texels.count] = shining
+        rays = GatherRays(texels, patches, visibility, BakeSettings(quality="high"), bright)
+        harmonic.append(finish(rays.look(beside, np.zeros(1, bool)))[0][0])
+    assert 0.1 < harmonic[1] < 0.35
+    assert harmonic[0] > 0.5
+
+
 # where points stand
 
 
@@ -221,9 +256,13 @@ def test_a_smaller_share_of_the_distance_splits_cells_sooner() -> None:
 def test_points_stand_closer_together_in_folds_than_on_any_flat_surface() -> None:
     scene = Scene((sphere("Ball", 0.2, 8, 4),), GREY)
     ball = finish(rasterize(cell_atlas(scene, 96), flatten(scene), 1))
-    near = [placed(texels, 0.5, lambda position: np.float32(0.05)).width for texels in (ball, floor())]
+    near = [placed(texels, 0.5, lambda position: np.float32(0.3)).width for texels in (ball, floor())]
     assert np.mean(near[0] == np.float32(0.125)) > 0.6
     assert set(near[1]) == {np.float32(0.25)}
+
+
+def test_points_stand_as_close_together_in_nooks_as_in_folds() -> None:
+    assert set(placed(floor(), 0.5, lambda position: np.float32(0.2)).width) == {np.float32(0.125)}
 
 
 def test_every_lit_texel_has_a_point_in_its_own_cell_and_no_other_has_one() -> None:
@@ -328,7 +367,7 @@ def test_no_point_counts_across_a_sharp_edge_that_is_shaded_smooth() -> None:
 
 def test_each_texel_of_a_fold_sees_the_point_of_its_cell() -> None:
     texels = sheet(np.arange(11) / 10, 0.06 * (np.arange(11) % 2))
-    _, points, _ = fitted(texels, lambda position: position[:, 0], 0.25, harmonic=lambda position: np.float32(0.1))
+    _, points, _ = fitted(texels, lambda position: position[:, 0], 0.25, harmonic=lambda position: np.float32(0.05))
     visibility = Visibility(texels.surfaces.corners)
     every = np.flatnonzero(points.cell >= 0)
     seat = points.texel[points.cell[every]]

@@ -2,7 +2,8 @@
 """Where the final gather looks: one texel in each cell of a grid that is finer where surfaces are near.
 
 Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988), so
-a cell is split while it is wide against the harmonic mean distance seen from its point, or its normals differ.
+a cell is split while it is wide against the harmonic mean distance seen from its point, of all that is seen or of
+what shines there, or its normals differ.
 Cells are world-space ones: charts of one surface share them.
 """
 
@@ -23,7 +24,7 @@ from ..indices import numbers_of
 from ..radiosity.patches import mixed_radix
 
 LEVELS = 7
-"""Widths halve from level to level, the last time in folds alone."""
+"""Widths halve from level to level, the last time in folds and nooks alone."""
 
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
@@ -34,6 +35,9 @@ SPLIT_BEND = 0.02
 FINEST = 2.6
 """The narrowest cells are so many texels wide. They are halved once more in folds: where they are bent, or lie on a
 surface that is and are still wide against what they see."""
+
+NOOK = 1.0
+"""Or so is one that is wider than this share of that distance: between books, under a cushion."""
 
 FOLDED = 0.005
 """The narrowest cells are bent if their normals' mean is shorter than 1 by more than this: about 12 degrees across."""
@@ -93,7 +97,7 @@ class Eyes(Protocol):
     """What looks around from texels (Q,)."""
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
-        """Harmonic mean and least distance, m, of what is seen, and light received; all (Q,).
+        """Harmonic mean and least distance, m, of what is seen or shines there, and light received; all (Q,).
 
         Points that are `fine` (Q,), the last ones, need not look as hard as the others.
         """
@@ -187,7 +191,7 @@ def place_points(
         folded[members[np.repeat(cells.bent, size)]] = True
         split = (cells.bent | (width > near * harmonic[point])) & (size > (1 if finest else SMALLEST))
         if finest:
-            split &= folded[members[begin]]
+            split &= folded[members[begin]] | (width > NOOK * harmonic[point])
         dark = split & (light[point] <= DARK * light.mean())
         if dark.any():
             asked = np.flatnonzero(np.repeat(dark, size))

@@ -22,7 +22,7 @@ from ..sampling import cosine_directions, even_rows
 from ..settings import BakeSettings
 from .gather_points import GatherPoints, cell_keys
 from .gleams import Gleams
-from .guiding import BINS, direction_bins, directions_in, draw_bins, pool
+from .guiding import BINS, direction_bins, directions_in, draw_bins, pool, sweep_starts
 from .stands import Stands
 
 BELOW = -3
@@ -34,8 +34,9 @@ RAYS = 1 << 15
 FINE_PART = 2
 """Points close together send one ray of so many: the fit joins the rays of several."""
 
-PILOT_SHARE = 0.75
-"""Of the rays of a point; they also serve where nothing outshines the rest."""
+PILOT_SHARE = 2 / 3
+"""Of the rays of a point; they also serve where nothing outshines the rest. It makes them a power of
+two, for which the sequence of their directions is most even."""
 
 POOL_WIDTH = 4.0
 """Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
@@ -173,6 +174,7 @@ class GatherRays:
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
         """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
 
+        The harmonic mean is that of all rays or, where that is less, the one that counts rays by the light they bring.
         The points that are `fine`, the last ones, send fewer rays; what is not sent counts nothing.
         """
         elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
@@ -197,8 +199,12 @@ class GatherRays:
                 inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
-                harmonic[part], nearest[part] = 1 / inverse.mean(1), 1 / inverse.max(1)
-                light[part] = self._bright.take(element).reshape(-1, pilots).mean(1)
+                nearest[part] = 1 / inverse.max(1)
+                bright = self._bright.take(element).reshape(-1, pilots)
+                light[part] = bright.mean(1)
+                np.maximum(bright, 0, out=bright)
+                bright /= np.maximum(bright.sum(1), np.float32(1e-30))[:, None]
+                harmonic[part] = 1 / np.maximum(inverse.mean(1), np.einsum("pr,pr->p", bright, inverse))
                 return self._gleaming(element, directions, before + first + start + rows, column)
 
             return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
@@ -283,6 +289,7 @@ class GatherRays:
             # Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped
             # to fill would count too little (4 % of the light was missing so).
             fold = 2 * (pools - pools[0]) + rank % 2
+            begins = sweep_starts(2 * pools + rank % 2, rank // 2)
             sent = elements.take(mine, axis=0)[:, :pilots].reshape(-1)
             light = self._bright.take(sent)  # rays not sent met nothing bright
             into = bins.take(mine, axis=0).reshape(-1).astype(np.int64)
@@ -295,7 +302,7 @@ class GatherRays:
                 row = BINS * fold[here, None]
                 seen = density.take(row + bins.take(points_here, axis=0)[:, :few])
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
-                drawn = draw_bins(density, rest, 2 * int(pools[0]))[fold[here]]
+                drawn = draw_bins(density, rest, fold[here], begins[here])
                 lit = density.any(1)[fold[here]]
                 element, cosine, tint, seen_there = self._guide(stands.only(points_here), drawn, lit)
                 elements[points_here, pilots : pilots + rest] = element

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Float32, Int64
+from ..arrays import Float32, Float64, Int64
 from ..sampling import hash_uniform
 
 HEIGHTS = 16
@@ -20,6 +20,9 @@ BINS = HEIGHTS * TURNS
 
 BIN_DENSITY = BINS / (4 * np.pi)
 """Density of one sample spread evenly over one bin, 1/sr."""
+
+START_DIMENSION = 11
+GOLDEN = (np.sqrt(5) - 1) / 2
 
 SPREAD = 0.15
 """Share of each bin's light given to its neighbours: the next point sees the same window from a little aside."""
@@ -46,18 +49,27 @@ def pool(groups: Int64, count: int, bins: Int64, light: Float32) -> Float32:
     return (flat / np.where(total > 0, total, 1) * BIN_DENSITY).astype(np.float32)
 
 
-def draw_bins(density: Float32, samples: int, first: int) -> Int64:
-    """Bins (groups, samples) drawn in proportion to each row's density by one systematic sweep; dark rows: any.
+def sweep_starts(group: Int64, rank: Int64) -> Float64:
+    """Where between two samples the sweeps (Q,) begin of points of this rank in their groups (Q,).
 
-    Row i draws the random numbers of row `first` + i of all.
+    Points one after the other begin a golden section of a step apart: their errors cancel where the fit joins them,
+    while those of equal draws would stay.
+    """
+    return np.asarray((hash_uniform(group, START_DIMENSION) + rank * GOLDEN) % 1, np.float64)
+
+
+def draw_bins(density: Float32, samples: int, row: Int64, begin: Float64) -> Int64:
+    """Bins (Q, samples) drawn in proportion to the densities of rows (Q,) by one systematic sweep each; dark rows: any.
+
+    Args:
+        density: (groups, BINS), 1/sr
+        begin: (Q,) in [0, 1), of `sweep_starts`
     """
     edges = np.cumsum(density.astype(np.float64) / BIN_DENSITY, axis=1)
-    rows = np.arange(len(density))
-    start = hash_uniform(rows + first, 11).astype(np.float64)[:, None]
-    places = (start + np.arange(samples)) / samples * edges[:, -1:]
-    shifted = edges + 2.0 * rows[:, None]  # every row above the last, so that one search serves all
-    found = np.searchsorted(shifted.reshape(-1), (places + 2.0 * rows[:, None]).reshape(-1), side="right")
-    bins = found.reshape(places.shape) - rows[:, None] * BINS
+    places = (begin[:, None] + np.arange(samples)) / samples * edges[row, -1:]
+    edges += 2.0 * np.arange(len(density))[:, None]  # every row above the last, so that one search serves all
+    found = np.searchsorted(edges.reshape(-1), (places + 2.0 * row[:, None]).reshape(-1), side="right")
+    bins = found.reshape(places.shape) - row[:, None] * BINS
     within: Int64 = np.clip(bins, 0, BINS - 1)
     return within
 
