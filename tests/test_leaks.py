@@ -152,3 +152,22 @@ def test_backs_of_planes_reflect_like_fronts() -> None:
         front, back = (found.of(index).mean(0, dtype=np.float64) for found in turned)
         assert back == pytest.approx(front, rel=0.02)
     assert turned[1].of(0).max() == 0, "the floor's front is outside"
+
+
+def test_the_foot_of_a_thin_wall_sees_the_floor_up_to_where_it_stands() -> None:
+    """A strip of floor d wide that leaves B lights a wall's height z by B / 2 (1 - z / (z^2 + d^2)^.5).
+
+    The wall's plane parts texels of the floor: their near part is seen, though their centre is beyond.
+    """
+    reflectance, d = 0.5, 2.0
+    ground = mesh_of("Floor", [quad((-6, -d, 0), (12, 0, 0), (0, 4, 0))], [0])
+    wall = mesh_of("Wall", [quad((-6, 0, 0), (12, 0, 0), (0, 0, 1))], [1])
+    sun = SunLight("Sun", (1.0, 1.0, 1.0), (0.0, 0.0, -1.0))
+    scene = Scene((ground, wall), (Material("White", (reflectance,) * 3), Material("Black", (0.0,) * 3)), (sun,))
+    for shift in (0.0, 0.013, 0.031):
+        moved = replace(wall, vertices=wall.vertices + np.array([0, shift, 0]))
+        bake = lit(replace(scene, meshes=(ground, moved)), page_size=256, quality="medium", bounces=1)
+        own = (bake.mesh == 1) & (np.abs(bake.position[:, 0]) < 1) & (bake.position[:, 2] < 0.2)
+        z, width = bake.position[own, 2], d + shift
+        expected = reflectance / np.pi / 2 * (1 - z / np.sqrt(z**2 + width**2))
+        assert np.abs(bake.light[own, 0] / expected - 1).max() < 0.05

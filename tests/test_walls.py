@@ -12,7 +12,7 @@ from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import Texels, rasterize
 from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.geometry.walls import Walls, find_walls, hidden, part_cells
-from radiosity_addon.radiosity.patches import NOTHING, Patches, group_patches
+from radiosity_addon.radiosity.patches import Patches, group_patches
 from radiosity_addon.scene import Material, Mesh, Scene
 from tests.shapes import box, cell_atlas, folded_sheet, furnished_room, mesh_of, quad, sphere
 
@@ -114,14 +114,16 @@ def test_no_patch_lies_on_both_sides_of_a_wall(kind: str, back: bool) -> None:
     assert np.minimum(before, beyond).max() <= (1 if back else 0), "of backs, every second texel is asked"
 
 
-def test_a_ray_that_meets_the_other_side_of_a_texel_at_a_wall_meets_nothing() -> None:
+def test_a_ray_that_meets_the_other_side_of_a_texel_at_a_wall_meets_the_texel_beside() -> None:
     wall = 30.7 * TEXEL
     texels, walls, visibility, _, _ = with_walls(upright((wall, 0), (wall, SIZE)))
     patches = patches_of(texels, walls, visibility)
     x = np.array([30.1, 30.6, 30.8, 30.95, 31.2, 35]) * TEXEL
     origins = np.stack([x, np.full(6, 2.0), np.full(6, 0.5)], axis=1) - texels.surfaces.origin
     hits = visibility.first_hit(origins.astype(np.float32), np.tile(np.float32([0, 0, -1]), (6, 1)))
-    assert list(patches.elements(hits) == NOTHING) == [False, False, True, True, False, False]
+    found = patches.elements(hits)
+    column = np.floor((texels.position[found, 0] + texels.surfaces.origin[0]) / TEXEL).astype(int)
+    assert list(column) == [30, 30, 31, 31, 31, 35]
 
 
 def test_texels_of_a_cell_see_its_seat_or_get_another_cell() -> None:

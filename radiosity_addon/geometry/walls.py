@@ -66,16 +66,34 @@ class Walls:
     row: Int32
     planes: Float32
 
-    def behind(self, texels: Texels, texel: Int32, hits: Hits) -> Int64:
-        """Which of the hits (R,) on fronts of texels (R,), -1 for none, are beyond the wall that stands on theirs."""
+    def beyond(self, texels: Texels, texel: Int32, hits: Hits) -> tuple[Int64, Int32]:
+        """Hits on fronts of texels (R,), -1 for none, that are beyond the wall which stands on theirs.
+
+        Returns:
+            which hits, and the texels beside theirs, on the hits' own side of the wall; -1 where that is not sure
+        """
         if not len(self.planes):
-            return np.zeros(0, np.int64)
+            return np.zeros(0, np.int64), np.zeros(0, np.int32)
         near = np.flatnonzero(texels.crossed.take(texel) & (texel >= 0) & hits.front)
         points = texels.surfaces.points(hits.triangle[near], np.stack([hits.u[near], hits.v[near]], axis=1))
-        planes = self.planes.take(self.row[texel[near]], axis=0)
+        below = self._below(texel[near], points)
+        chosen = np.flatnonzero(below.any(0))
+        near, below, points = near[chosen], below[:, chosen], points[chosen]
+        other = texels.texel_at[texels.pixel[texel[near]] + np.array(_steps(texels))[below.argmax(0)]]
+        other[self._below(other, points).any(0) | (below.sum(0) > 1)] = -1
+        return near, other
+
+    def _below(self, texel: Int32, points: Float32) -> Bools:
+        """(4, K) bool, which planes of texels (K,), if they have any, points (K, 3) are behind."""
+        row = self.row[texel]
+        planes = self.planes.take(np.maximum(row, 0), axis=0)
         height = np.einsum("rkx,rx->kr", planes[:, :, :3], points) + planes[:, :, 3].T
-        beyond: Bools = (height < 0).any(0)
-        return np.asarray(near[beyond])
+        return np.asarray((height < 0) & (row >= 0))
+
+
+def _steps(texels: Texels) -> tuple[int, int, int, int]:
+    """From a pixel to its neighbours, in the order of the planes of walls."""
+    return -1, 1, -texels.size, texels.size
 
 
 def lift(distance: Float32, cosine: Float32, offset: float) -> Float32:
@@ -236,7 +254,7 @@ def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Floa
     surfaces = texels.surfaces
     component = surfaces.component[texels.triangle[:]] if len(chosen) else np.zeros(0, np.int32)
     column = texels.pixel[chosen] % texels.size
-    for side, step in enumerate((-1, 1, -texels.size, texels.size)):
+    for side, step in enumerate(_steps(texels)):
         other = texels.texel_at.take(texels.pixel[chosen] + step, mode="clip")
         there = (other >= 0) & texels.valid[other] & (component[other] == component[chosen])
         if abs(step) == 1:

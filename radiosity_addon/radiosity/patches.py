@@ -107,7 +107,8 @@ class Patches:
         """The element (R,) that each ray met."""
         hits = seen_side(self.texels.surfaces, hits)
         found = self.texels.at(hits.triangle, hits.u, hits.v)
-        found[self.walls.behind(self.texels, found, hits)] = NOTHING
+        beyond, beside = self.walls.beyond(self.texels, found, hits)
+        found[beyond] = beside
         found[found < 0] = NOTHING
         behind = np.flatnonzero(~hits.front & (found >= 0))
         back = self.back[found[behind]]
