@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from radiosity_addon.blender.data.names import is_baked
+from radiosity_addon.blender.interface import display_table as display
 from radiosity_addon.blender.interface import operators
-from radiosity_addon.blender.interface.display_table import EDGE, display_table
+from radiosity_addon.blender.interface.display_table import EDGE, display_table, prepare_soon, unprepared
 from radiosity_addon.blender.interface.live_view import LiveView
 from radiosity_addon.blender.interface.running import Running
 from radiosity_addon.blender.job import Seat
@@ -195,6 +196,26 @@ def test_the_display_table_shows_light_as_blender_does(scene: bpy.types.Scene) -
     assert np.interp(1 / 4, level, grey[:, 0]) == pytest.approx(0.537, abs=0.02)
     assert table[0, 0, -1].tolist() == pytest.approx([1, 0.04, 0.04], abs=0.03)
     assert differences(before, snapshot()) == []
+
+
+def test_what_a_view_needs_is_prepared_once_while_nothing_goes_on(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timers: list[Callable[[], float | None]] = []
+    monkeypatch.setattr(display, "_prepared", set())
+    monkeypatch.setattr(bpy.app.timers, "register", lambda work, first_interval: timers.append(work), raising=False)
+    scene.view_settings.view_transform = "AgX"
+    before = snapshot()
+    prepare_soon(scene)
+    assert len(unprepared(scene)) == 2
+    assert timers[0]() is not None, "one at a time"
+    assert timers[0]() is None
+    assert unprepared(scene) == []
+    assert differences(before, snapshot()) == []
+    prepare_soon(scene)
+    assert len(timers) == 1
+    scene.view_settings.view_transform = "Standard"
+    assert len(unprepared(scene)) == 1
 
 
 def test_what_is_hidden_in_the_view_is_not_drawn(scene: bpy.types.Scene) -> None:

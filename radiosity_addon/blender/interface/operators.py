@@ -24,7 +24,7 @@ from .scene_check import expected
 
 TICK_SECONDS = 0.01
 """Time between two ticks of the timer, for the window's own events."""
-WORK_SECONDS = 0.06
+WORK_SECONDS = 0.07
 """Time of a tick that is spent on what only the main thread can do, where that comes in steps: after each tick Blender
 may evaluate and draw the scene anew, which takes it longer than most steps. The last step comes on top."""
 

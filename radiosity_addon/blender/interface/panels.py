@@ -16,7 +16,7 @@ from ..data.names import REPORT_KEY, is_baked
 from ..last_bake import summary, warnings
 from ..reading.inspection import subject_of
 from ..writing.originals import shows_originals
-from .display_table import SHOW_MATERIALS
+from .display_table import SHOW_MATERIALS, prepare_soon
 from .presets import RADIOSITY_PT_presets
 from .running import Running
 from .scene_check import Checked, expected
@@ -152,6 +152,7 @@ class MainPanel(SplitPanel):
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         scene = context.scene
+        prepare_soon(scene)
         draw_bake(layout, scene)
         draw_summary(layout, context)
         draw_essentials(layout, scene)

@@ -16,7 +16,7 @@ from ...progress import describe
 from ...reports.report import Report, Stalls
 from ...stages import AFTER_THE_LIGHT, Progress
 from ..reading.extraction import Extraction
-from .display_table import display_table
+from .display_table import display_table, unprepared
 from .live_view import LiveView
 
 REDRAW_SECONDS = 0.3
@@ -53,7 +53,7 @@ class Running:
     _start = _drawn = _returned = _gap = _expected = 0.0
     _stalls: ClassVar[dict[str, float]] = {}
     _scene = ""
-    _settled = False
+    _unsettled: ClassVar[list[Callable[[bpy.types.Scene], None]]] = []
     _edited: ClassVar[dict[str, None]] = {}
 
     @classmethod
@@ -63,7 +63,7 @@ class Running:
         cls._start = cls._returned = time.perf_counter()
         cls._drawn = cls._gap = 0.0
         cls._expected = expected
-        cls._stalls, cls._settled = {}, False
+        cls._stalls, cls._unsettled = {}, []
         cls._edited = {}
         bpy.types.STATUSBAR_HT_header.append(draw_progress)
 
@@ -76,6 +76,7 @@ class Running:
         names = {name for name, _ in things}
         view = cls.view = LiveView()
         cls._scene = scene.name
+        cls._unsettled = [*unprepared(scene), cls._show_as_in, cls.watch]
 
         def looking(extraction: Extraction) -> LiveView:
             meshes = extraction.scene.meshes
@@ -91,22 +92,24 @@ class Running:
 
     @classmethod
     def settle(cls) -> None:
-        """What can wait until the bake's thread is under way: how light is shown, and a turn later to notice edits.
+        """What can wait until the bake's thread is under way, a thing a turn: how light is shown, then to notice edits.
 
         By then Blender has evaluated what reading the scene has touched, which is no edit.
         """
         scene = bpy.data.scenes.get(cls._scene)
         if cls.view is None or scene is None:
             return
-        if cls.view.table is None:
-            began = time.perf_counter()
-            cls.view.table = display_table(scene)
-            cls.turned("Drawing", began)
-        elif cls.progress is not None and cls.progress.stage == "Write back":
+        if cls.progress is not None and cls.progress.stage == "Write back":
             cls.unwatch()  # from here on the bake itself edits
-        elif not cls._settled:
-            cls._settled = True
-            cls.watch(scene)
+        elif cls._unsettled:
+            began = time.perf_counter()
+            cls._unsettled.pop(0)(scene)
+            cls.turned("Drawing", began)
+
+    @classmethod
+    def _show_as_in(cls, scene: bpy.types.Scene) -> None:
+        if cls.view is not None:
+            cls.view.table = display_table(scene)
 
     @classmethod
     def watch(cls, scene: bpy.types.Scene) -> None:
