@@ -6,7 +6,7 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import bpy
@@ -24,6 +24,7 @@ from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.blender.reading.extraction import Extraction
 from radiosity_addon.chunks import finish
 from radiosity_addon.errors import SceneError
+from radiosity_addon.reports.report import Report
 from radiosity_addon.stages import STAGES, Progress
 from radiosity_addon.viewing import LitVertices, View
 from tests.blender.datablocks import differences, snapshot
@@ -43,6 +44,19 @@ class Onlooker:
 
     def seat(self, scene: bpy.types.Scene) -> Callable[[Extraction], Onlooker]:
         return lambda extraction: self
+
+
+def in_window(scene: bpy.types.Scene, seat: Seat) -> Generator[Progress, None, Report]:
+    """The steps of a bake as a window takes them: between them it lets the bake's thread be."""
+    steps = operators.bake_in_place(scene, seat)
+    try:
+        while True:
+            yield next(steps)
+            time.sleep(0.001)
+    except StopIteration as done:
+        return done.value
+    finally:
+        steps.close()
 
 
 @pytest.fixture(autouse=True)
@@ -84,7 +98,7 @@ def test_pages_are_the_same_to_the_bit_in_threads_and_looked_on_at(
     viewer = Onlooker()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     helped = dict.fromkeys(ORDER, False)
-    for progress in operators.bake_in_place(scene, Seat(viewer.seat, second_blender=second_blender)):
+    for progress in in_window(scene, Seat(viewer.seat, second_blender=second_blender)):
         helped[progress.stage] |= any(tmp_path.glob("radiosity-blender-*"))
     assert any(helped.values()) == second_blender
     assert not any(helped[stage] for stage in ORDER[ORDER.index("Direct light") :]), "it is no longer needed"
@@ -97,7 +111,7 @@ def test_a_bake_in_threads_that_is_cancelled_leaves_no_trace(
     stage: str, tmp_path: Path, scene: bpy.types.Scene
 ) -> None:
     before, threads = snapshot(), threading.active_count()
-    steps = operators.bake_in_place(scene, Seat(Onlooker().seat))
+    steps = in_window(scene, Seat(Onlooker().seat))
     reached = ORDER.index(stage)  # a thread may be past a stage before it is seen there
     assert any(ORDER.index(progress.stage) >= reached for progress in steps)
     steps.close()
@@ -114,7 +128,7 @@ def test_a_bake_that_is_cancelled_while_a_second_blender_is_at_work_leaves_no_tr
 ) -> None:
     before = snapshot()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    steps = operators.bake_in_place(scene, Seat(Onlooker().seat, second_blender=True))
+    steps = in_window(scene, Seat(Onlooker().seat, second_blender=True))
     assert any(next(tmp_path.glob("radiosity-blender-*/subject.blend"), None) for _ in steps)
     begin = time.perf_counter()
     steps.close()
@@ -131,7 +145,7 @@ def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.S
     whole = page()
     viewer = Onlooker()
     viewer.satisfied = True
-    report = finish(operators.bake_in_place(scene, Seat(viewer.seat)))
+    report = finish(in_window(scene, Seat(viewer.seat)))
     assert report.ended_in == "Direct light"
     assert "stopped in stage Direct light" in report.summary()
     assert page().mean() == pytest.approx(whole.mean(), rel=0.03)
@@ -139,7 +153,7 @@ def test_a_bake_that_is_stopped_keeps_whole_pages_and_says_so(scene: bpy.types.S
 
 
 def test_an_object_renamed_during_the_bake_is_an_error_that_says_what_to_do(scene: bpy.types.Scene) -> None:
-    steps = operators.bake_in_place(scene, Seat(Onlooker().seat))
+    steps = in_window(scene, Seat(Onlooker().seat))
     next(steps)
     next(steps)
     bpy.data.objects["Floor"].name = "Ground"
