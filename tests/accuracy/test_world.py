@@ -12,7 +12,8 @@ import pytest
 pytest.importorskip("bpy", reason="bpy renders the skies, and is not installed")
 import bpy
 
-from radiosity_addon.blender.reading.world import render_sky
+from radiosity_addon.blender.reading.subject import Subject
+from radiosity_addon.blender.reading.world import HEIGHT, render_sky
 from radiosity_addon.chunks import finish
 from radiosity_addon.lighting.sky import Sky, sky_of
 from radiosity_addon.scene import World
@@ -50,7 +51,8 @@ def errors() -> np.ndarray:
     place = np.arange(len(NORMALS))[:, None] * [1.0, 0, 0]
     values, _ = measure(Probes(np.repeat("", len(NORMALS)), place, NORMALS), SIZE, SAMPLES, [1], threads=2)
     scene = bpy.context.scene
-    sky = sky_of(World(sky=finish(render_sky(scene, scene.world, str))))
+    tiles, _ = finish(render_sky(Subject.of(scene, {"world": scene.world}), HEIGHT))
+    sky = sky_of(World(sky=tiles))
     assert isinstance(sky, Sky)
     found = np.array([light_of(sky, normal) for normal in NORMALS]) / np.pi
     return (found / values[0] - 1).mean(axis=1)
