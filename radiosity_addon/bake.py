@@ -28,7 +28,7 @@ from .lighting.beams import direct_light
 from .lighting.glow import glow_of
 from .lighting.lights import Lamps, lamps_of
 from .lighting.sky import sky_of
-from .pages.lightmap import compose
+from .pages.lightmap import compose, show_fronts
 from .radiosity.bounces import bounce_limits, clamped
 from .radiosity.exchange import Start, exchange_light
 from .radiosity.facing import looking_away
@@ -172,6 +172,7 @@ def bake(
     if settings.show_patches and exchange is not None:
         irradiance[patch_edges(exchange.patches)] *= EDGE_SHADE
     log.viewer = None
+    show_fronts(irradiance, walls.behind)
     pages = yield from log.stage("Pages", _pages(texels, irradiance, atlas))
     apart: dict[str, list[Float32]] = {}
     if settings.light_groups and not ended_in and len(set(scene.groups)) > 1:

@@ -9,7 +9,7 @@ import pytest
 from radiosity_addon.chunks import finish
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import rasterize
-from radiosity_addon.pages.lightmap import compose, push_pull
+from radiosity_addon.pages.lightmap import compose, push_pull, show_fronts
 from radiosity_addon.scene import Material, Scene
 from tests.shapes import cell_atlas, furnished_room, mesh_of, quad
 
@@ -85,6 +85,12 @@ def test_gutters_repeat_the_nearest_chart():
     # cells are 32 wide and charts begin 6 in: charts and their footprints end at 27 and begin at 37
     assert page[16, 20:31, 0] == pytest.approx(1)
     assert page[16, 33:44, 0] == pytest.approx(9)
+
+
+def test_texels_at_the_back_of_a_sheet_hold_the_light_at_its_front():
+    light = np.arange(12, dtype=np.float32).reshape(4, 1, 3)
+    show_fronts(light, np.array([[2, 2], [0, 1]], np.int32))
+    assert light[:, 0, 0] == pytest.approx([0, 3, 1.5, 9])
 
 
 def test_hidden_pages_are_not_written():

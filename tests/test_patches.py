@@ -27,7 +27,9 @@ def grouped(texels, target=300, solid=False):
     height = np.repeat(texels.position[:, 2:], 3, axis=1)
     solid = np.broadcast_to(solid, texels.surfaces.count)
     visibility = Visibility(texels.surfaces.corners)
-    walls = Walls(np.zeros(texels.count, bool), np.zeros(0, np.int32), np.zeros((0, 4, 4), np.float32))
+    walls = Walls(
+        np.zeros(texels.count, bool), np.zeros(0, np.int32), np.zeros((0, 4, 4), np.float32), np.zeros((2, 0), np.int32)
+    )
     return group_patches(texels, walls, height, np.zeros_like(height), solid, target, visibility)
 
 

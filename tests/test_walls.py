@@ -126,6 +126,25 @@ def test_a_ray_that_meets_the_other_side_of_a_texel_at_a_wall_meets_the_texel_be
     assert list(column) == [30, 30, 31, 31, 31, 35]
 
 
+@pytest.mark.parametrize("kind", WALLS)
+def test_texels_next_to_a_sheet_know_which_side_of_it_they_are_on(kind: str) -> None:
+    start, end, normal, distance = WALLS[kind]
+    texels, walls, _, place, floor = with_walls(upright(start, end))
+    side = place[:, :2] @ np.array(normal) - distance
+    back, front = walls.behind
+    assert (side[back] < 1e-6).all()
+    assert (side[front] > -1e-6).all()
+    assert np.linalg.norm(place[back] - place[front], axis=1) == pytest.approx(TEXEL, rel=0.55), "some stepped aside"
+    near = np.flatnonzero(floor & (side < -0.1 * TEXEL) & (side > -0.7 * TEXEL) & texels.valid)
+    assert len(near) > 20
+    assert np.isin(near, back).mean() > 0.95
+
+
+def test_a_wall_with_two_sides_has_no_back() -> None:
+    _, walls, _, _, floor = with_walls(upright((2.013, 0.0), (2.013, SIZE), 0.01))
+    assert not floor[walls.behind].any(), "the floor has one: the wall goes through it"
+
+
 def test_texels_of_a_cell_see_its_seat_or_get_another_cell() -> None:
     wall = 33.2 * TEXEL  # within the cells of columns 30 to 35
     texels, walls, visibility, place, floor = with_walls(upright((wall, 0), (wall, SIZE)))

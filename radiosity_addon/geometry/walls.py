@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays import Bools, Float32, Int32, Int64
+from ..arrays import Bools, Float32, Int8, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..columns import dots
 from .texels import STRATA, Texels
@@ -60,11 +60,13 @@ class Walls:
             leaves such ones on either side
         row: (T,) int32, of crossed texels in `planes`
         planes: (C, 4, 4) float32: a texel keeps of its footprint the points p with planes @ (p, 1) >= 0
+        behind: (2, K) int32, texels at the back of a sheet that stands there, and those next to them at its front
     """
 
     border: Bools
     row: Int32
     planes: Float32
+    behind: Int32
 
     def beyond(self, texels: Texels, texel: Int32, hits: Hits) -> tuple[Int64, Int32]:
         """Hits on fronts of texels (R,), -1 for none, that are beyond the wall which stands on theirs.
@@ -150,9 +152,10 @@ def find_walls(texels: Texels, visibility: Visibility, workers: int) -> Fraction
         beyond = np.zeros((texels.count, STRATA), bool)
         beyond[rows] = _strata_beyond(texels, rows, visibility)
         texels.without(beyond)
-    planes, nearest = _planes(texels, rows, visibility)
+    planes, nearest, facing = _planes(texels, rows, visibility)
+    behind = _behind_sheets(texels, rows, number, facing)
     _step_aside(texels, rows[nearest < FOOT], visibility)
-    return Walls(_at_border(texels), number, planes)
+    return Walls(_at_border(texels), number, planes, behind)
 
 
 def _by_columns(texels: Texels) -> Int32:
@@ -244,12 +247,14 @@ def _at_border(texels: Texels) -> Bools:
     return ~whole.reshape(-1)[texels.pixel]
 
 
-def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Float32, Float32]:
+def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Float32, Float32, Int8]:
     """(C, 4, 4) planes of the walls between texels (C,) and their neighbours on the page; 0 where there is none.
 
-    Also (C,), at which share of the way to a neighbour the nearest wall stands.
+    Also (C,), at which share of the way to a neighbour the nearest wall stands, and (C, 4), 1 where a wall shows its
+    front to the texel, -1 where its back.
     """
     planes = np.zeros((len(chosen), 4, 4), np.float32)
+    facing = np.zeros((len(chosen), 4), np.int8)
     nearest = np.ones(len(chosen), np.float32)
     surfaces = texels.surfaces
     component = surfaces.component[texels.triangle[:]] if len(chosen) else np.zeros(0, np.int32)
@@ -270,11 +275,22 @@ def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Floa
         met = np.flatnonzero((hits.triangle >= 0) & (hits.distance < 1))
         nearest[row[met]] = np.minimum(nearest[row[met]], hits.distance[met])
         triangle = hits.triangle[met]
-        towards = np.where(hits.front[met], 1, -1).astype(np.float32)[:, None]
-        normal = surfaces.normals(triangle) * towards
+        facing[row[met], side] = np.where(hits.front[met], 1, -1)
+        normal = surfaces.normals(triangle) * facing[row[met], side, None]
         planes[row[met], side, :3] = normal
         planes[row[met], side, 3] = -np.einsum("ij,ij->i", normal, surfaces.corners[triangle, 0])
-    return planes, nearest
+    return planes, nearest, facing
+
+
+def _behind_sheets(texels: Texels, chosen: Int64, row: Int32, facing: Int8) -> Int32:
+    """(2, K): of texels (C,), rows (T,), those to which a wall shows its back, and neighbours that see its front."""
+    pairs = [np.zeros((2, 0), np.int32)]
+    for side, step in enumerate(_steps(texels)):
+        back = np.flatnonzero(facing[:, side] < 0)
+        other = texels.texel_at[texels.pixel[chosen[back]] + step]
+        front = facing[row[other], side ^ 1] * (row[other] >= 0) > 0
+        pairs.append(np.stack([chosen[back[front]], other[front]]).astype(np.int32))
+    return np.concatenate(pairs, axis=1)
 
 
 def _step_aside(texels: Texels, chosen: Int64, visibility: Visibility) -> None:

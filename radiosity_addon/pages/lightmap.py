@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Float32
+from ..arrays import Bools, Float32, Int32
 from ..geometry.surfaces import BLOCK
 from ..geometry.texels import Texels
 from .seams import close_seams
@@ -47,6 +47,22 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
             grow(image, there)
         push_pull(image, there)
     return result
+
+
+def show_fronts(irradiance: Float32, behind: Int32) -> None:
+    """Let texels at the back of a sheet, in place, hold the light at its front: filters mix it in there, as a rim.
+
+    A texel can't serve both sides; the front is the one that is meant to be seen.
+
+    Args:
+        irradiance: (T, G, 3)
+        behind: (2, K) texels at the back, and those beside them at the front
+    """
+    here, order = np.unique(behind[0], return_inverse=True)
+    share = 1 / np.bincount(order)
+    light = np.zeros((len(here), *irradiance.shape[1:]), np.float32)
+    np.add.at(light, order, irradiance[behind[1]] * share[order, None, None].astype(np.float32))
+    irradiance[here] = light
 
 
 def grow(image: Float32, known: Bools) -> None:
