@@ -67,12 +67,15 @@ class Meter:
         self._width = len(line)
 
 
-def describe(progress: Progress, seconds: float) -> str:
-    """Stage, share, residual, rays per second and time left, as far as they are known after some seconds."""
+def describe(progress: Progress, seconds: float, brief: bool = False) -> str:
+    """Stage, share, residual, rays per second and time left, as far as they are known after some seconds.
+
+    In `brief`, for a narrow place, without the two in the middle.
+    """
     parts = [f"{progress.fraction:4.0%} {progress.stage}"]
-    if 0 < progress.residual < 1:
+    if 0 < progress.residual < 1 and not brief:
         parts.append(f"residual {progress.residual:.2g}")
-    if progress.rays and seconds > 0:
+    if progress.rays and seconds > 0 and not brief:
         parts.append(f"{short_count(progress.rays / seconds)} rays/s")
     if ESTIMATE_SHARE < progress.fraction < 1 and seconds > ESTIMATE_SECONDS:
         left = seconds * (1 / progress.fraction - 1) if progress.left is None else progress.left

@@ -224,6 +224,7 @@ def test_progress_says_stage_share_residual_rays_and_time_left() -> None:
 
 def test_progress_leaves_out_what_is_not_known_yet() -> None:
     assert describe(Progress("Unwrap", 0.0), seconds=0.5) == "  0% Unwrap"
+    assert describe(Progress("Gather", 0.25, 0.0012, 3_000_000), seconds=2.0, brief=True) == " 25% Gather, 0:06 left"
 
 
 def test_without_a_terminal_progress_is_one_plain_line_a_stage(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,7 @@ BESIDE_TEXT, BUTTON = 64, 24
 def draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     """Bake, toggle and revert, or the progress of a running bake."""
     if Running.progress is not None:
-        layout.progress(factor=Running.progress.fraction, text=Running.text())
+        layout.progress(factor=Running.progress.fraction, text=Running.text(brief=True))
         layout.operator("radiosity.stop", icon="CHECKMARK")
         layout.operator("radiosity.cancel", text="Cancel (Esc)", icon="X")
         return

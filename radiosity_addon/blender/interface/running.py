@@ -133,12 +133,12 @@ class Running:
         return [f"Edited during the bake, which shows the light from before: {named}; bake again"]
 
     @classmethod
-    def text(cls) -> str:
+    def text(cls, brief: bool = False) -> str:
         """How far it is, in words."""
         if cls.progress is None:
             return ""
         seconds = time.perf_counter() - cls._start
-        told = describe(replace(cls.progress, left=cls.left(cls.progress, seconds)), seconds)
+        told = describe(replace(cls.progress, left=cls.left(cls.progress, seconds)), seconds, brief)
         return f"Stopping: {told}" if cls.view is not None and cls.view.satisfied else told
 
     @classmethod
