@@ -26,27 +26,39 @@ class Rectangles:
 
     Attributes:
         start, stop: (N,) int64, where the texels of each begin and end
-        halves: (N,) int64, the first of its halves, the other is the next one; -1 for none
         middle, half: (N, 2) float32, m, centre and half the edges, on the plane
         plane: (N,) int64
     """
 
     start: Int64
     stop: Int64
-    halves: Int64
     middle: Float32
     half: Float32
     plane: Int64
 
+    @property
+    def length(self) -> Int64:
+        """Texels (N,) of each."""
+        return self.stop - self.start
+
+    def only(self, chosen: Int64 | Bools | slice) -> Rectangles:
+        """Those that are chosen."""
+        return Rectangles(*(part[chosen] for part in vars(self).values()))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Rectangles]) -> Rectangles:
+        """Those of all parts, one or more, in order."""
+        return cls(*(np.concatenate(each) for each in zip(*(vars(part).values() for part in parts), strict=True)))
+
 
 @dataclass(frozen=True, eq=False)
 class FlatCells:
-    """Rectangles about the K texels that lie flat on M planes. Those of whole planes come first.
+    """The K texels that lie flat on M planes, and rectangles about them, from those about whole planes on.
 
     Attributes:
         order: (K,) int64, the texels; those of a rectangle are neighbours
         place: (2, K) float32, m, where they lie on their plane
-        cells: the rectangles
+        whole: the rectangles of all planes
         normal, along, across: (M, 3) float32, unit, of the planes
         height: (M,) float32, m, of the planes over the origin
         others: texels that lie in none
@@ -54,7 +66,7 @@ class FlatCells:
 
     order: Int64
     place: Float32
-    cells: Rectangles
+    whole: Rectangles
     normal: Float32
     along: Float32
     across: Float32
@@ -63,7 +75,7 @@ class FlatCells:
 
     @classmethod
     def of(cls, texels: Texels, least: int) -> FlatCells:
-        """The rectangles of all planes with at least so many texels, none with fewer."""
+        """Those of all planes with at least so many texels."""
         plane = _planes(texels)
         kept = np.bincount(plane + 1)[1:] >= least
         plane = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[plane]
@@ -80,28 +92,56 @@ class FlatCells:
             position = rows_of(texels.position[order[part]])
             for own, axis in zip(place, (along, across), strict=True):
                 own[part] = dot(position, rows_of(axis[plane[part]]))
-        cells = _halved(order, place, first, plane[first], least)
-        return cls(order, place, cells, normal, along, across, height, others)
+        whole = _about(place, first, np.append(first[1:], len(order))[: len(first)], plane[first])
+        return cls(order, place, whole, normal, along, across, height, others)
 
-    def texels(self, cells: Int64) -> tuple[Int64, Int64]:
-        """Where the texels of rectangles (C,) are in `order`, (P,), and of which of them they are, (P,)."""
-        start = self.cells.start[cells]
-        length = self.cells.stop[cells] - start
-        return ragged(start, length), np.repeat(np.arange(len(cells)), length)
+    def texels(self, cells: Rectangles) -> tuple[Int64, Int64]:
+        """Where the texels of C rectangles are in `order`, (P,), and of which of them they are, (P,)."""
+        return ragged(cells.start, cells.length), np.repeat(np.arange(len(cells.start)), cells.length)
 
-    def at(self, cells: Int64, places: Float32) -> Float32:
-        """Points (C, P, 3), m, at places (P, 2) of rectangles (C,), each -1 to 1."""
-        plane = self.cells.plane[cells]
-        place = self.cells.middle[cells][:, None] + self.cells.half[cells][:, None] * places
-        points: Float32 = (self.normal[plane] * self.height[plane][:, None])[:, None]
+    def at(self, cells: Rectangles, places: Float32) -> Float32:
+        """Points (C, P, 3), m, at places (P, 2) of C rectangles, each -1 to 1."""
+        place = cells.middle[:, None] + cells.half[:, None] * places
+        points: Float32 = (self.normal[cells.plane] * self.height[cells.plane][:, None])[:, None]
         for k, axis in enumerate((self.along, self.across)):
-            points = points + axis[plane][:, None] * place[:, :, k : k + 1]
+            points = points + axis[cells.plane][:, None] * place[:, :, k : k + 1]
         return points
 
-    def balls(self, cells: Int64) -> tuple[Float32, Float32]:
-        """Centres (C, 3) and radii (C,), m, of balls about rectangles (C,)."""
-        half = self.cells.half[cells]
+    def balls(self, cells: Rectangles) -> tuple[Float32, Float32]:
+        """Centres (C, 3) and radii (C,), m, of balls about C rectangles."""
+        half = cells.half
         return self.at(cells, np.zeros((1, 2), np.float32))[:, 0], np.sqrt(np.einsum("ij,ij->i", half, half))
+
+    def halves(self, cells: Rectangles) -> Rectangles:
+        """The two halves of each of C rectangles across its longer edge, (2 C), whose texels are sorted for it.
+
+        Rectangles of texels that all lie in one point have a half without any.
+        """
+        index, cell = self.texels(cells)
+        order, place, length = self.order[index], self.place[:, index], cells.length
+        begin = np.cumsum(length) - length
+        axis = np.argmax(cells.half, axis=1)
+        upper = np.where(axis[cell] > 0, place[1], place[0]) > cells.middle[np.arange(len(axis)), axis][cell]
+        lower = length - np.add.reduceat(upper, begin, dtype=np.int64) if len(length) else length
+        sorted_ = np.argsort(2 * cell + upper, kind="stable")
+        self.order[index] = order[sorted_]
+        self.place[:, index] = place[:, sorted_]
+        cut = cells.start + lower
+        start, stop = np.stack([cells.start, cut], axis=1).ravel(), np.stack([cut, cells.stop], axis=1).ravel()
+        return _about(self.place, start, stop, np.repeat(cells.plane, 2))
+
+
+def _about(place: Float32, start: Int64, stop: Int64, plane: Int64) -> Rectangles:
+    """Rectangles about places (2, K) from `start` to `stop` (N,), those without any left out."""
+    filled = stop > start
+    start, stop, plane = start[filled], stop[filled], plane[filled]
+    own = place[:, ragged(start, stop - start)]
+    if not len(start):
+        return Rectangles(start, stop, own.T, own.T, plane)
+    begin = np.cumsum(stop - start) - (stop - start)
+    low: Float32 = np.minimum.reduceat(own, begin, axis=1).T
+    high: Float32 = np.maximum.reduceat(own, begin, axis=1).T
+    return Rectangles(start, stop, (low + high) * np.float32(0.5), (high - low) * np.float32(0.5), plane)
 
 
 def _planes(texels: Texels) -> Int64:
@@ -118,38 +158,3 @@ def _planes(texels: Texels) -> Int64:
         flat &= texels.valid[part]
         plane[part] = np.where(flat, surfaces.plane[triangle], -1)
     return plane
-
-
-def _halved(order: Int64, place: Float32, start: Int64, plane: Int64, least: int) -> Rectangles:
-    """Rectangles about texels at places (2, K), which begin at `start` on each plane; both are sorted as they part."""
-    stop = np.append(start[1:], len(order))
-    found: list[tuple[Int64, Int64, Int64, Float32, Float32, Int64]] = []
-    number = 0
-    while len(start):
-        length = stop - start
-        index = ragged(start, length)
-        begin = np.cumsum(length) - length
-        own = place[:, index]
-        low: Float32 = np.minimum.reduceat(own, begin, axis=1).T
-        high: Float32 = np.maximum.reduceat(own, begin, axis=1).T
-        middle: Float32 = (low + high) * np.float32(0.5)
-        half: Float32 = (high - low) * np.float32(0.5)
-        cell = np.repeat(np.arange(len(start)), length)
-        axis = np.argmax(half, axis=1)
-        upper = own[axis[cell], np.arange(len(index))] > middle[np.arange(len(start)), axis][cell]
-        lower = length - np.add.reduceat(upper, begin, dtype=np.int64)
-        parted = (length >= 2 * least) & (lower > 0) & (lower < length)
-        rank = np.cumsum(upper)
-        rank -= (rank[begin] - upper[begin])[cell]
-        target = start[cell] + np.where(upper, lower[cell] + rank - 1, np.arange(len(index)) - begin[cell] - rank)
-        order[target] = order[index]
-        place[:, target] = own
-        number += len(start)
-        found.append((start, stop, np.where(parted, number + 2 * (np.cumsum(parted) - 1), -1), middle, half, plane))
-        cut = start[parted] + lower[parted]
-        start, stop = np.stack([start[parted], cut], axis=1).ravel(), np.stack([cut, stop[parted]], axis=1).ravel()
-        plane = np.repeat(plane[parted], 2)
-    if not found:
-        none, nowhere = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
-        return Rectangles(none, none, none, nowhere, nowhere, none)
-    return Rectangles(*(np.concatenate(parts) for parts in zip(*found, strict=True)))

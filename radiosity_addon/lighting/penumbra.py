@@ -16,7 +16,7 @@ from .shadows import trace_partly
 CHUNK = 1 << 14
 """Texels fitted in one go."""
 
-REACH = 3
+REACH = 2
 """Texels to every side that a fit takes in, at most."""
 
 TRUST = 1.2
@@ -76,7 +76,7 @@ def smooth_penumbrae(
 ) -> Fractions[list[None]]:
     """Replace the visible shares of partly lit texels by first-order fits over their neighbours, in world space.
 
-    Windows grow from 3 x 3 to 7 x 7 as long as the samples' own noise explains a fit's residual; where the smallest
+    Windows grow from 3 x 3 to 5 x 5 as long as the samples' own noise explains a fit's residual; where the smallest
     does not fit, at a contact shadow, a texel keeps what it has.
 
     Args:
