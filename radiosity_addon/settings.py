@@ -51,7 +51,7 @@ class Quality:
         shadow_rays: shadow rays of a texel and lamp in a penumbra
         gather_passes: final gathers; from the second on rays read irradiance at texel resolution
         lamp_error: relative error that the weaker ones of many lamps may bring, which are known at nodes only, and as
-            much again those that few rays serve
+            much again those that few rays serve; and that of the unshadowed light of meshes with many triangles
     """
 
     patch_rays: int

@@ -12,10 +12,10 @@ from radiosity_addon.arrays import Float32
 from radiosity_addon.chunks import finish
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import Texels, rasterize
-from radiosity_addon.lighting.flat_cells import FlatCells
+from radiosity_addon.lighting.flat_cells import FlatCells, Rectangles
 from radiosity_addon.lighting.lights import lamps_of
 from radiosity_addon.lighting.mesh_lamp import MeshLamp
-from radiosity_addon.lighting.sparse_light import LEAST, light_of_meshes
+from radiosity_addon.lighting.sparse_light import FINE, LEAST, light_of_meshes
 from radiosity_addon.scene import Material, Mesh, Scene
 from tests.lamps import GREY, WHITE
 from tests.shapes import box, cell_atlas, mesh_of, quad
@@ -93,15 +93,47 @@ def test_light_does_not_depend_on_the_number_of_threads() -> None:
     assert np.array_equal(sparse(1.5, 1), sparse(1.5, 3))
 
 
-def test_each_flat_texel_lies_in_one_of_the_smallest_rectangles_and_within_its_edges() -> None:
+def test_each_flat_texel_lies_in_one_rectangle_and_within_its_edges_however_often_they_are_halved() -> None:
     texels, _ = ground(1.5)
     flat = FlatCells.of(texels, LEAST)
-    smallest = np.flatnonzero(flat.cells.halves < 0)
+    cells, done = flat.whole, []
+    while len(cells.start):
+        parted = (cells.length >= 2 * LEAST) & cells.wide
+        done.append(cells.only(~parted))
+        cells = flat.halves(cells.only(parted))
+    smallest = Rectangles.joined(done)
+    assert len(smallest.start) > 100
     index, number = flat.texels(smallest)
     assert np.array_equal(np.sort(np.concatenate([flat.order[index], flat.others])), np.flatnonzero(texels.valid))
-    off = flat.place[:, index] - flat.cells.middle[smallest[number]].T
-    assert (np.abs(off) <= flat.cells.half[smallest[number]].T * (1 + 1e-5) + 1e-5).all()
+    off = flat.place[:, index] - smallest.middle[number].T
+    assert (np.abs(off) <= smallest.half[number].T * (1 + 1e-5) + 1e-5).all()
     corners = flat.at(smallest, np.array([[-1, -1], [1, 1]], np.float32))
     low, high = corners.min(1)[number], corners.max(1)[number]
     inside = (texels.position[flat.order[index]] > low - 1e-4) & (texels.position[flat.order[index]] < high + 1e-4)
     assert inside.all()
+
+
+def test_light_that_may_err_more_is_found_from_fewer_points_and_errs_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    texels, lamp = ground(1.5)
+    expected = lamp.light(texels.position, texels.shading_normal, None)
+    asked = []
+    ask = MeshLamp.in_channels
+    monkeypatch.setattr(
+        MeshLamp, "in_channels", lambda self, c, p, *more: asked.append(len(p)) or ask(self, c, p, *more)
+    )
+    counts, errors = [], []
+    for tolerance in (FINE, 4 * FINE):
+        asked.clear()
+        light = np.zeros((1, texels.count), np.float32)
+        finish(light_of_meshes([lamp], texels, light, 1, None, tolerance))
+        counts.append(sum(asked))
+        errors.append(np.sqrt(np.mean((light[0] - expected) ** 2)) / expected.mean())
+    assert counts[1] < 0.8 * counts[0]
+    assert errors[0] < errors[1] < 4 * FINE
+
+
+def test_rectangles_of_texels_in_one_point_are_not_halved() -> None:
+    """Their halves would have no texels, again and again."""
+    one = np.zeros((2, 2), np.float32)
+    cells = Rectangles(np.array([0, 5]), np.array([5, 9]), one + 1, one + np.float32([[0], [1e-3]]), np.array([0, 0]))
+    assert cells.wide.tolist() == [False, True]

@@ -8,7 +8,8 @@ branches do for an emitter, and nothing is left to chance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,6 +108,7 @@ class EmitterTree:
         axis: (N, 3) float32, unit, the normal of flat nodes; 0 for others
         filled: (N,) bool, there are triangles in it
         leaves: number of the first leaf
+        cut_reach: as `CUT_REACH`
     """
 
     corners: Float32
@@ -123,6 +125,7 @@ class EmitterTree:
     axis: Float32
     filled: Bools
     leaves: int
+    cut_reach: float = CUT_REACH
 
     @classmethod
     def over(cls, triangles: Float64, brightness: Float64 | None = None) -> EmitterTree:
@@ -203,6 +206,12 @@ class EmitterTree:
             leaves=leaves,
         )
 
+    def loosened(self, times: float) -> EmitterTree:
+        """The same tree where points may err so many times as much: what they lack falls with the distance squared."""
+        nearer = 1 / math.sqrt(times)
+        closer = {name: getattr(self, name) * np.float32(nearer) for name in ("reach", "alone")}
+        return replace(self, **closer, cut_reach=CUT_REACH * nearer)
+
     def cut(self, blocks: Blocks) -> tuple[Int64, Int64, Int64]:
         """For each block the nodes that stand for what of the emitter is above its horizon.
 
@@ -221,7 +230,7 @@ class EmitterTree:
             slack += blocks.rise[block] + blocks.turn[block] * (distance + radius)
             reach = self.reach[node]
             cut = np.abs(height) < slack
-            reach = np.where(cut, np.maximum(reach, radius * np.float32(CUT_REACH)), reach)
+            reach = np.where(cut, np.maximum(reach, radius * np.float32(self.cut_reach)), reach)
             distance -= blocks.radius[block]
             far = distance > reach
             seen = (height >= -slack) & self.filled[node]

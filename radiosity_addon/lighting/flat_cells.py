@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Int64
+from ..arrays import Bools, Float32, Int64
 from ..geometry.coverage import ragged
 from ..geometry.surfaces import PLANES_APART
 from ..geometry.texels import Texels
@@ -40,6 +41,12 @@ class Rectangles:
     def length(self) -> Int64:
         """Texels (N,) of each."""
         return self.stop - self.start
+
+    @property
+    def wide(self) -> Bools:
+        """Which (N,) have an extent, so that both their halves have texels."""
+        wide: Bools = self.half.max(axis=1, initial=0) > np.float32(1e-6) * np.abs(self.middle).max(axis=1, initial=0)
+        return wide
 
     def only(self, chosen: Int64 | Bools | slice) -> Rectangles:
         """Those that are chosen."""
@@ -113,28 +120,27 @@ class FlatCells:
         return self.at(cells, np.zeros((1, 2), np.float32))[:, 0], np.sqrt(np.einsum("ij,ij->i", half, half))
 
     def halves(self, cells: Rectangles) -> Rectangles:
-        """The two halves of each of C rectangles across its longer edge, (2 C), whose texels are sorted for it.
-
-        Rectangles of texels that all lie in one point have a half without any.
-        """
+        """The two halves (2 C) across the longer edge of each of C rectangles, whose texels are sorted for it."""
+        if not len(cells.start):
+            return cells
         index, cell = self.texels(cells)
-        order, place, length = self.order[index], self.place[:, index], cells.length
-        begin = np.cumsum(length) - length
+        begin = np.cumsum(cells.length) - cells.length
+        place = self.place[:, index]
         axis = np.argmax(cells.half, axis=1)
-        upper = np.where(axis[cell] > 0, place[1], place[0]) > cells.middle[np.arange(len(axis)), axis][cell]
-        lower = length - np.add.reduceat(upper, begin, dtype=np.int64) if len(length) else length
-        sorted_ = np.argsort(2 * cell + upper, kind="stable")
-        self.order[index] = order[sorted_]
-        self.place[:, index] = place[:, sorted_]
-        cut = cells.start + lower
+        across = np.where(axis[cell] > 0, place[1], place[0])
+        upper = across > np.where(axis > 0, cells.middle[:, 1], cells.middle[:, 0])[cell]
+        cut = cells.stop - np.add.reduceat(upper, begin, dtype=np.int64)
+        rank = np.cumsum(upper)
+        rank -= (rank[begin] - upper[begin])[cell]
+        target = np.where(upper, cut[cell] + rank - 1, index - rank)
+        self.order[target] = self.order[index]
+        self.place[:, target] = place
         start, stop = np.stack([cells.start, cut], axis=1).ravel(), np.stack([cut, cells.stop], axis=1).ravel()
         return _about(self.place, start, stop, np.repeat(cells.plane, 2))
 
 
 def _about(place: Float32, start: Int64, stop: Int64, plane: Int64) -> Rectangles:
-    """Rectangles about places (2, K) from `start` to `stop` (N,), those without any left out."""
-    filled = stop > start
-    start, stop, plane = start[filled], stop[filled], plane[filled]
+    """Rectangles about places (2, K) from `start` to `stop`, (N,)."""
     own = place[:, ragged(start, stop - start)]
     if not len(start):
         return Rectangles(start, stop, own.T, own.T, plane)

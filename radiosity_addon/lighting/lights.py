@@ -279,7 +279,9 @@ def _shares(
     """
     number = len(batch.lamps)
     probes = Probes.none(number, texels.count, visibility)
-    yield from scaled(light_of_meshes(batch.lamps, texels, probes.light, settings.workers, batch.own), 0, 0.3)
+    tolerance, workers = settings.steps.lamp_error, settings.workers
+    shining = light_of_meshes(batch.lamps, texels, probes.light, workers, batch.own, tolerance)
+    yield from scaled(shining, 0, 0.3)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 
     companies = companies_of(batch.lamps, batch.receivers)

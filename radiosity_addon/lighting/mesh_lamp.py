@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
 from .area_lamps import PanelLamp
-from .emitter_tree import CUT_REACH, Blocks, EmitterTree
+from .emitter_tree import Blocks, EmitterTree
 from .lamp_samples import dot, outside
 from .lamps import TOUCHING
 from .polygons import signed_light
@@ -63,6 +63,11 @@ class MeshLamp(PanelLamp):
             p, *normals = (np.ascontiguousarray(part[own].transpose(2, 0, 1)) for part in (points, *normals))
             total[:, own] = self._of_blocks(channels, p, normals)
         return total
+
+    def loosened(self, times: float) -> MeshLamp:
+        """The same lamp where its unshadowed light may err so many times as much."""
+        assert self.tree is not None
+        return self if times == 1 else replace(self, tree=self.tree.loosened(times))
 
     def is_clear_of(self, centre: Float32, radius: Float32) -> Bools:
         """Whether no triangle reaches into balls (K, 3), (K,)."""
@@ -146,7 +151,7 @@ class MeshLamp(PanelLamp):
         gap = self.tree.centre[nodes].T[:, :, None] - p[:, rows]
         square = dot(gap, gap)
         near = square < (self.tree.reach[nodes] ** 2)[:, None]
-        cut = square < (self.tree.radius[nodes] * np.float32(CUT_REACH))[:, None] ** 2
+        cut = square < (self.tree.radius[nodes] * np.float32(self.tree.cut_reach))[:, None] ** 2
         axis, radius = self.tree.axis[nodes].T[:, :, None], self.tree.radius[nodes][:, None]
         for normal in normals:
             own = normal[:, rows]

@@ -12,10 +12,10 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
-from ..arrays import Float32, Int64
+from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
 from ..geometry.texels import Texels
-from .flat_cells import FlatCells
+from .flat_cells import FlatCells, Rectangles
 from .lamp_samples import TINY
 from .lamps import Lamp
 from .mesh_lamp import MeshLamp
@@ -25,9 +25,12 @@ from .terminator import horizons
 POINTS = 5
 """Chebyshev points along each side of a rectangle."""
 
-TAIL = 2e-3
-"""Most that the terms of the highest degree may add up to, as a share of the light. The first ones that are missing
-are smaller by as much as these are smaller than those before."""
+FINE = 0.003
+"""Relative error of the light, if none is asked for: that of high quality."""
+
+TAIL = 0.6
+"""Most that the terms of the highest degree may add up to, as a share of the error that light may have. The first ones
+that are missing are smaller by as much as these are smaller than those before."""
 
 LEAST = 2 * POINTS**2
 """Texels of a rectangle, at least."""
@@ -41,6 +44,9 @@ CLEAR = 1.5
 TRIED = 64
 """Rectangles tried in one go."""
 
+HALVED = 16
+"""Rectangles halved in one go."""
+
 CHUNK = 1 << 14
 """Texels that get the light of their rectangles in one go."""
 
@@ -49,9 +55,18 @@ ALONE = 1 << 12
 
 
 def light_of_meshes(
-    lamps: Sequence[Lamp], texels: Texels, light: Float32, workers: int, faces: OwnFaces | None = None
+    lamps: Sequence[Lamp],
+    texels: Texels,
+    light: Float32,
+    workers: int,
+    faces: OwnFaces | None = None,
+    tolerance: float = FINE,
 ) -> Generator[float, None, None]:
-    """Fill in the rows of light (L, T) of lamps that are meshes, but for their own `faces`; yields the share done."""
+    """Fill in the rows of light (L, T) of lamps that are meshes, but for their own `faces`; yields the share done.
+
+    Args:
+        tolerance: relative error that the light may have
+    """
     trees: dict[int, list[int]] = {}
     for index, lamp in enumerate(lamps):
         if isinstance(lamp, MeshLamp):
@@ -60,30 +75,37 @@ def light_of_meshes(
         return
     flat = FlatCells.of(texels, LEAST)
     for done, rows in enumerate(trees.values()):
-        alike = [lamp for lamp in (lamps[row] for row in rows) if isinstance(lamp, MeshLamp)]
-        steps = light_of_tree(alike, texels, flat, workers, faces)
+        alike = [lamp.loosened(tolerance / FINE) for lamp in (lamps[row] for row in rows) if isinstance(lamp, MeshLamp)]
+        steps = light_of_tree(alike, texels, flat, workers, faces, tolerance)
         light[rows] = yield from scaled(steps, done / len(trees), (done + 1) / len(trees))
 
 
 def light_of_tree(
-    lamps: Sequence[MeshLamp], texels: Texels, flat: FlatCells, workers: int, faces: OwnFaces | None = None
+    lamps: Sequence[MeshLamp],
+    texels: Texels,
+    flat: FlatCells,
+    workers: int,
+    faces: OwnFaces | None = None,
+    tolerance: float = FINE,
 ) -> Fractions[Float32]:
     """The light (L, T) of lamps of one tree at texels; 0 where they are not valid."""
     total = np.zeros((len(lamps), texels.count), np.float32)
     lamp, channels = lamps[0], [lamp.channel for lamp in lamps]
-    chosen, terms, left = yield from scaled(_fitted(lamp, channels, flat, workers), 0, 0.4)
+    chosen, terms, left = yield from scaled(_fitted(lamp, channels, flat, tolerance, workers), 0, 0.4)
 
     def spread(first: int, last: int) -> None:
-        index, number = flat.texels(chosen[first:last])
+        cells = chosen.only(slice(first, last))
+        index, number = flat.texels(cells)
+        scale = 1 / np.maximum(cells.half, TINY)
         for start in range(0, len(index), CHUNK):
-            part = slice(start, start + CHUNK)
-            own = first + number[part]
-            place = flat.place[:, index[part]]
-            place -= flat.cells.middle[chosen[own]].T
-            place /= np.maximum(flat.cells.half[chosen[own]].T, TINY)
-            total[:, flat.order[index[part]]] = _polynomial(terms[:, own], place)
+            own, texel = number[start : start + CHUNK], index[start : start + CHUNK]
+            place = flat.place.take(texel, axis=1)
+            for k in (0, 1):
+                place[k] -= cells.middle[:, k].take(own)
+                place[k] *= scale[:, k].take(own)
+            total[:, flat.order[texel]] = _polynomial(terms, first + own, place)
 
-    yield from scaled(in_chunks(spread, len(chosen), TRIED, workers), 0.4, 0.5)
+    yield from scaled(in_chunks(spread, len(chosen.start), TRIED, workers), 0.4, 0.5)
     alone = np.sort(np.concatenate([flat.order[flat.texels(left)[0]], flat.others]))
     if faces is not None:
         alone = alone[faces.emitter[texels.surfaces.front[texels.triangle[alone]]] != lamp.emitter]
@@ -100,56 +122,66 @@ def light_of_tree(
 
 
 def _fitted(
-    lamp: MeshLamp, channels: list[int], flat: FlatCells, workers: int
-) -> Fractions[tuple[Int64, Float32, Int64]]:
+    lamp: MeshLamp, channels: list[int], flat: FlatCells, tolerance: float, workers: int
+) -> Fractions[tuple[Rectangles, Float32, Rectangles]]:
     """Where the light in L channels is a polynomial.
 
     Returns:
-        rectangles (C,), its terms (L, C, POINTS^2) on them, and the rectangles that are left
+        C rectangles, the terms (POINTS^2, L, C) of the light on them, and the rectangles that are left
     """
-    none = np.zeros(0, np.int64)
-    fitted, left = [none], [none]
-    terms = [np.zeros((len(channels), 0, POINTS**2), np.float32)]
-    now = np.arange(len(flat.normal))
+    now = flat.whole
+    fitted, left = [now.only(slice(0))], [now.only(slice(0))]
+    terms = [np.zeros((POINTS**2, len(channels), 0), np.float32)]
 
-    def attempt(first: int, last: int) -> tuple[Int64, Float32]:
-        own = trying[first:last]
-        centre, radius = flat.balls(own)
-        own = own[lamp.is_clear_of(centre, radius * np.float32(CLEAR))]
-        normals = np.repeat(flat.normal[flat.cells.plane[own]], POINTS**2, axis=0)
+    def attempt(first: int, last: int) -> tuple[Bools, Float32]:
+        own = now.only(slice(first, last))
+        good = (own.length >= LEAST) & (own.length <= MOST)
+        centre, radius = flat.balls(own.only(good))
+        good[good] = lamp.is_clear_of(centre, radius * np.float32(CLEAR))
+        own = own.only(good)
+        normals = np.repeat(flat.normal[own.plane], POINTS**2, axis=0)
         light = lamp.in_channels(channels, flat.at(own, GRID).reshape(-1, 3), normals, None)
         light = light.reshape(len(channels), -1, POINTS**2)
-        found = np.einsum("ij,lcj->lci", _TERMS, light)
-        good = np.all(np.abs(found[:, :, _HIGHEST]).sum(2) <= np.float32(TAIL) * light.max(2), axis=0)
-        return own[good], found[:, good]
+        found = np.einsum("ij,lcj->ilc", _TERMS, light)
+        smooth = np.all(np.abs(found[_HIGHEST]).sum(0) <= np.float32(TAIL * tolerance) * light.max(2), axis=0)
+        good[good] = smooth
+        return good, found[:, :, smooth]
 
-    while len(now):
-        length = flat.cells.stop[now] - flat.cells.start[now]
-        trying = now[(length >= LEAST) & (length <= MOST)]
-        for own, found in (yield from scaled(in_chunks(attempt, len(trying), TRIED, workers), 0, 1)):
-            fitted.append(own)
-            terms.append(found)
-        others = np.setdiff1d(now, np.concatenate(fitted))
-        halves = flat.cells.halves[others]
-        left.append(others[halves < 0])
-        now = np.concatenate([halves[halves >= 0], halves[halves >= 0] + 1])
-    return np.concatenate(fitted), np.concatenate(terms, axis=1), np.concatenate(left)
+    def halve(first: int, last: int) -> Rectangles:
+        return flat.halves(others.only(slice(first, last)))
+
+    while len(now.start):
+        tried = yield from scaled(in_chunks(attempt, len(now.start), TRIED, workers), 0, 1)
+        good = np.concatenate([part for part, _ in tried])
+        fitted.append(now.only(good))
+        terms += [found for _, found in tried]
+        others = now.only(~good)
+        parted = (others.length >= 2 * LEAST) & others.wide
+        left.append(others.only(~parted))
+        others = others.only(parted)
+        halves = yield from scaled(in_chunks(halve, len(others.start), HALVED, workers), 1, 1)
+        now = Rectangles.joined([others.only(slice(0)), *halves])
+    return Rectangles.joined(fitted), np.concatenate(terms, axis=2), Rectangles.joined(left)
 
 
-def _polynomial(terms: Float32, place: Float32) -> Float32:
-    """Polynomials of terms (L, B, POINTS^2) at places (2, B) in -1..1: (L, B), nowhere below 0."""
+def _polynomial(terms: Float32, number: Int64, place: Float32) -> Float32:
+    """Polynomials with terms (POINTS^2, L, C), by `number` (B,), at places (2, B) in -1..1: (L, B), nowhere below 0."""
     waves = []
     for x in place:
         wave = [np.ones_like(x), x]
         while len(wave) < POINTS:
             wave.append(2 * x * wave[-1] - wave[-2])
         waves.append(wave)
-    total = np.zeros(terms.shape[:2], np.float32)
+    total = np.zeros((terms.shape[1], len(number)), np.float32)
+    work, inner = np.empty_like(total), np.empty_like(total)
     for i, one in enumerate(waves[0]):
-        inner = np.zeros_like(total)
         for j, other in enumerate(waves[1]):
-            inner += other * terms[:, :, i * POINTS + j]
-        total += one * inner
+            np.take(terms[i * POINTS + j], number, axis=1, out=work if j else inner, mode="clip")
+            if j:
+                work *= other
+                inner += work
+        inner *= one
+        total += inner
     return np.maximum(total, 0, out=total)
 
 
