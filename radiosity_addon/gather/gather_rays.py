@@ -28,7 +28,7 @@ from .stands import Stands
 BELOW = -3
 """A direction below the horizon: it counts, and brings nothing."""
 
-RAYS = 1 << 15
+RAYS = 1 << 16
 """Rays traced at once."""
 
 FINE_PART = 2

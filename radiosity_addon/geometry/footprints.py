@@ -24,6 +24,7 @@ KEPT = np.float32(1 - 3 * EDGE_MARGIN)
 """Barycentrics are moved inward by a margin: this share of them is kept."""
 
 _SLOTS = np.arange(STRATA)
+_ACROSS, _UP = (np.float32(0.25) + np.float32(0.5) * half.astype(np.float32) for half in (_SLOTS & 1, _SLOTS >> 1))
 
 
 @dataclass(eq=False)
@@ -53,9 +54,12 @@ class Footprints:
 
     def first(self, texels: Int64 | Int32 | slice) -> Int32:
         """Triangle (R,) of the first stratum of texels (R,)."""
-        found = np.array(self.seat[texels])
+        if isinstance(texels, np.ndarray) and texels.dtype != bool:
+            found = self.seat.take(texels)
+        else:
+            found = np.array(self.seat[texels])
         rows = np.flatnonzero(found < 0)
-        found[rows] = self.triangle[~found[rows], 0]
+        found[rows] = self.triangle.reshape(-1).take(~found[rows] * STRATA)
         return found
 
     def triangles(self, texels: Int64 | Int32) -> Int32:
@@ -72,9 +76,9 @@ class Footprints:
         rows = np.flatnonzero(triangle < 0)
         if len(rows) == 0:
             return self._spread(texels, slot, triangle).T, triangle
-        row, own = ~triangle[rows], slot[rows]
-        triangle[rows] = self.triangle[row, own]
-        found = self.surfaces.points(triangle[rows], self.weights[row, own]).T
+        faces, weights = self._of_rows(~triangle[rows], slot[rows])
+        triangle[rows] = faces
+        found = self.surfaces.points(faces, weights).T
         if len(rows) == len(triangle):
             return found.T, triangle
         if 2 * len(rows) < len(triangle):
@@ -97,8 +101,7 @@ class Footprints:
         """Triangles (R,) and barycentrics (R, 2) of strata of texels (R,)."""
         triangle = self.seat.take(texels)
         rows = np.flatnonzero(triangle < 0)
-        row, own = ~triangle[rows], slot[rows]
-        triangle[rows] = self.triangle[row, own]
+        triangle[rows], exact = self._of_rows(~triangle[rows], slot[rows])
         x, y = self._places(texels, slot, triangle)
         xu, xv, yu, yv = (each.take(triangle) for each in self.lookup[2:])
         determinant = xu * yv - xv * yu
@@ -109,7 +112,7 @@ class Footprints:
         weights: Float32 = np.stack([x * yv - y * xv, y * xu - x * yu], axis=1)
         weights *= KEPT / determinant[:, None]
         weights += np.float32(EDGE_MARGIN)
-        weights[rows] = self.weights[row, own]
+        weights[rows] = exact
         return triangle, weights
 
     def put(self, texels: Int64 | Int32, triangle: Int32, weights: Float32) -> None:
@@ -126,6 +129,12 @@ class Footprints:
         """Those of texels `chosen` (C,), which lie at `pixel` (C,)."""
         return replace(self, pixel=pixel, seat=self.seat[chosen])
 
+    def _of_rows(self, row: Int32, slot: Int64 | Int32) -> tuple[Int32, Float32]:
+        """Triangles (K,) and barycentrics (K, 2) of strata of rows (K,)."""
+        place = row * STRATA
+        place += slot.astype(np.int32)
+        return self.triangle.reshape(-1).take(place), self.weights.reshape(-1, 2).take(place, axis=0)
+
     def _places(self, texels: Int64 | Int32, slot: Int64 | Int32, triangle: Int64 | Int32) -> tuple[Float32, Float32]:
         """Centres of strata, x and y (R,) in texels from the corners that `spread` counts from."""
         pixel = self.pixel.take(texels)
@@ -134,9 +143,8 @@ class Footprints:
         x, y = pixel.astype(np.float32), line.astype(np.float32)
         x -= self.spread[0].take(triangle)
         y -= self.spread[1].take(triangle)
-        half = np.float32(0.5)
-        x += (slot & 1) * half + np.float32(0.25)
-        y += (slot >> 1) * half + np.float32(0.25)
+        x += _ACROSS.take(slot)
+        y += _UP.take(slot)
         return x, y
 
     def _spread(self, texels: Int64 | Int32, slot: Int64 | Int32, triangle: Int32) -> Float32:
@@ -193,4 +201,4 @@ def spread_of(uv: Float64, page: Int32, size: int, corners: Float32) -> Float32:
     gap = base - uv[:, 0].T
     start += EDGE_MARGIN * (along + across) + by_x * gap[0] + by_y * gap[1]
     base[1] += page.astype(np.float64) * size
-    return np.concatenate([base, start, by_x, by_y]).astype(np.float32)
+    return np.ascontiguousarray(np.concatenate([base, start, by_x, by_y]), np.float32)  # columns are gathered from
