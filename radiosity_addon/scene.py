@@ -104,6 +104,7 @@ class Mesh:
         terminator: cosine of light with the surface below which shadow rays of smooth-shaded triangles start on the
             rounder surface that their normals tell of; 0: they pass the triangle that they start on instead; None: no
             light comes from below a triangle
+        bend: light at an angle t from the shading normal counts by cos(bend t), or not at all; 1 for Lambert's law
         page_group: meshes of one group share pages that no others are on; those of one `shape` are of one group
     """
 
@@ -125,6 +126,7 @@ class Mesh:
     two_sided: bool = False
     front: int | None = None
     terminator: float | None = None
+    bend: float = 1.0
     page_group: str = ""
 
     def laid_flat(self) -> Mesh:

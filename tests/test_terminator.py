@@ -12,11 +12,13 @@ from radiosity_addon.chunks import finish
 from radiosity_addon.geometry.surfaces import Surfaces, flatten
 from radiosity_addon.geometry.texels import Texels, rasterize
 from radiosity_addon.geometry.visibility import Visibility
+from radiosity_addon.lighting.lamp_samples import evenly_bent_share
 from radiosity_addon.lighting.lights import direct_irradiance, irradiance_at, lamps_of
 from radiosity_addon.lighting.terminator import bulge, footing
-from radiosity_addon.scene import Material, Mesh, Scene, SunLight
+from radiosity_addon.scene import AreaLight, Material, Mesh, PointLight, Scene, SunLight, World
 from radiosity_addon.settings import BakeSettings
-from tests.shapes import cell_atlas, mesh_of, quad, sphere
+from tests.bakes import BLACK, floor, lit
+from tests.shapes import box, cell_atlas, mesh_of, quad, sphere
 
 TOWARDS = np.array([0.8, 0.36, 0.48])
 """The sun: its terminator runs across facets."""
@@ -143,3 +145,67 @@ def test_flat_triangles_have_no_terminator_of_their_own() -> None:
     floor = mesh_of("Floor", [quad((0, 0, 0), (1, 0, 0), (0, 1, 0))], [0], terminator=0.5)
     surfaces = flatten(Scene((floor,), (Material("Grey", (0.5,) * 3),), (SUN,)))
     assert not surfaces.rounds
+
+
+BENDS = (1.25, 2.0)
+"""Of a Shading Offset of 0.4, and of 1, the largest."""
+
+
+def uniform(bend: float) -> float:
+    """What a bent cosine leaves of light that comes alike from everywhere, by the midpoint rule."""
+    t = (np.arange(10000) + 0.5) / 10000 * np.pi / 2
+    return float((np.maximum(np.cos(np.minimum(bend * t, np.pi)), 0) * 2 * np.sin(t)).sum() * np.pi / 2 / 10000)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_what_a_bent_cosine_leaves_of_even_light_is_its_integral(bend: float) -> None:
+    assert evenly_bent_share(np.float32([bend, 1.0])) == pytest.approx([uniform(bend), 1.0], rel=1e-5)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_a_sun_counts_by_the_cosine_of_a_larger_angle(bend: float) -> None:
+    for angle in (0.3, 0.7, 1.3):
+        sun = SunLight("Sun", (np.pi,) * 3, (np.sin(angle), 0.0, -np.cos(angle)))
+        found = lit(Scene((floor(bend=bend),), (BLACK,), (sun,)))
+        assert found.light == pytest.approx(max(np.cos(bend * angle), 0), abs=1e-4)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_a_lamp_is_weighed_point_by_point(bend: float) -> None:
+    """A quarter of it hidden behind a sheet: what is left is the sum over the rest, each point by its own angle."""
+    lamp = AreaLight("Lamp", (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (2.0, 0, 0), (0, 0.2, 0), (0, 0, -1))
+    spot = mesh_of("Spot", [quad((-0.01, -0.01, 0), (0.02, 0, 0), (0, 0.02, 0))], [0], bend=bend)
+    sheet = mesh_of("Sheet", [quad((0.25, -1, 0.5), (1, 0, 0), (0, 2, 0))], [0])
+    x, y = np.meshgrid((np.arange(400) + 0.5) / 200 - 1, (np.arange(40) + 0.5) / 200 - 0.1)
+    square = x**2 + y**2 + 1
+    bent = np.maximum(np.cos(np.minimum(bend * np.arccos(square**-0.5), np.pi)), 0)
+    each = bent * square**-1.5 * (0.4 / x.size) / np.pi
+    for meshes, seen in (((spot,), x == x), ((spot, sheet), x < 0.5)):
+        found = lit(Scene(meshes, (BLACK,), (lamp,)), quality="high").of(0).mean()
+        assert found == pytest.approx(each[seen].sum(), rel=0.01)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_many_lamps_count_by_bent_cosines_too(bend: float) -> None:
+    lamps = tuple(PointLight(f"Lamp {k}", (1.0,) * 3, (0.05 * k, 0.0, 1.0)) for k in range(40))
+    found = lit(
+        Scene((mesh_of("Spot", [quad((-0.1, -0.1, 0), (0.2, 0, 0), (0, 0.2, 0))], [0], bend=bend),), (BLACK,), lamps)
+    )
+    square = 1 + (0.05 * np.arange(40)) ** 2
+    bent = np.maximum(np.cos(np.minimum(bend * np.arccos(square**-0.5), np.pi)), 0) / square / np.pi
+    assert found.light.mean() == pytest.approx(bent.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_the_sky_counts_by_a_bent_cosine(bend: float) -> None:
+    found = lit(Scene((floor(bend=bend),), (BLACK,), world=World((1.0, 1.0, 1.0))), quality="medium")
+    assert found.light.mean() == pytest.approx(uniform(bend), rel=0.01)
+
+
+@pytest.mark.parametrize("bend", BENDS)
+def test_a_room_whose_walls_bend_reflects_the_less_at_each_bounce(bend: float) -> None:
+    """A furnace: all see B everywhere, and B = E + rho D B."""
+    walls = Material("Wall", (0.5,) * 3, emission=(1.0,) * 3)
+    found = lit(Scene((box("Room", (0, 0, 0), (2, 2, 2), inward=True, bend=bend),), (walls,)), quality="medium")
+    share = uniform(bend)
+    assert found.light.mean() == pytest.approx(share / (1 - 0.5 * share), rel=0.01)

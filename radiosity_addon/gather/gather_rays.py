@@ -15,6 +15,7 @@ from ..chunks import Fractions, in_chunks, scaled
 from ..columns import dots, sums
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Hits, Visibility, passing_chance
+from ..lighting.lamp_samples import bent_share
 from ..lighting.sky import cells
 from ..radiosity.illumination import SPECIAL_ROWS
 from ..radiosity.patches import NOTHING, SKY, Patches
@@ -167,7 +168,8 @@ class GatherRays:
         self._fine: list[Bools] = []
         self._stands: list[Stands] = []
         self._tints: list[Float16] = []
-        self._tinted = visibility.channels > 1
+        self._bends = texels.surfaces.bends
+        self._tinted = visibility.channels > 1 or self._bends
         self._gleams = gleams
         self._seen: list[_Seen] = []
 
@@ -255,7 +257,16 @@ class GatherRays:
             ray = np.flatnonzero(stands.tilted.take(stratum))
             ray = ray[dots(directions.take(ray, axis=0), stands.faces.take(stratum[ray], axis=0)) <= 0]
             element[ray] = BELOW
+        if self._bends:
+            hits = replace(hits, tint=self._bent(stands.texel[rows], directions, hits.tint))
         return element, hits
+
+    def _bent(self, texel: Int64, directions: Float32, tint: Float32 | None) -> Float32:
+        """Tints (R, 3) of rays that count by bent cosines at the texels (R,) that they come to."""
+        surfaces = self._texels.surfaces
+        cosine = dots(directions, self._texels.shading_normal.take(texel, axis=0))
+        share = bent_share(cosine, surfaces.bend[self._texels.triangle[texel]])[:, None]
+        return np.repeat(share, 3, axis=1) if tint is None else tint * share
 
     def tally(self, points: GatherPoints, base: float) -> Fractions[Tally]:
         """Trace the guided rays of all points looked at, and weigh all rays."""

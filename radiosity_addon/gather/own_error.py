@@ -22,6 +22,7 @@ from ..chunks import Fractions, finish, in_chunks, scaled
 from ..columns import dots, sums
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility, passing_chance
+from ..lighting.lamp_samples import bent_share
 from ..lighting.lights import Lamps, irradiance_at
 from ..lighting.sky import cells
 from ..lighting.terminator import footing
@@ -223,7 +224,10 @@ def _indirect(
     if hits.tint is not None:
         seen *= hits.tint.mean(1)
     faces = texels.surfaces.normals(texels.footprints.triangles(texel)[np.arange(len(texel)), sample & (STRATA - 1)])
-    above = dots(directions, faces) > 0
+    above = (dots(directions, faces) > 0).astype(np.float32)
+    if texels.surfaces.bends:
+        cosine = dots(directions, texels.shading_normal.take(texel, axis=0))
+        above *= bent_share(cosine, texels.surfaces.bend[texels.triangle[texel]])
     seen *= above
     back *= above
     return np.pi * seen.reshape(-1, rays).mean(1, dtype=np.float64), back.reshape(-1, rays).mean(1, dtype=np.float64)

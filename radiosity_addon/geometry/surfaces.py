@@ -36,7 +36,7 @@ THROUGH = np.float32(-1)
 
 _OF_TRIANGLES = (
     "corners", "normal", "corner_normals", "area", "mesh", "material", "component", "closed", "met", "casts", "front",
-    "terminator",
+    "terminator", "bend",
 )  # fmt: skip
 
 
@@ -59,6 +59,7 @@ class Surfaces:
         front: (F,) int32, of a twin the triangle whose back it is, of others themselves
         terminator: (F,) float32, cosine of light below which shadow rays start on the rounder surface that the normals
             tell of; THROUGH where they pass the triangle itself instead; 0 for flat triangles
+        bend: (F,) float32, light at an angle t from the shading normal counts by cos(bend t)
         origin: (3,) float64, m, what was subtracted from world space
         radius: half the diagonal of the bounding box, m
     """
@@ -76,6 +77,7 @@ class Surfaces:
     casts: Bools
     front: Int32
     terminator: Float32
+    bend: Float32
     origin: Float64
     radius: float
 
@@ -151,6 +153,11 @@ class Surfaces:
         return bool(self.terminator.any())
 
     @cached_property
+    def bends(self) -> bool:
+        """Whether light counts by another law than Lambert's anywhere."""
+        return bool((self.bend != 1).any())
+
+    @cached_property
     def slopes(self) -> Float32:
         """(6, F), m: how far corners lie above planes through others, square to the normals there.
 
@@ -211,6 +218,7 @@ def flatten(scene: Scene) -> Surfaces:
         casts=np.repeat(np.array([mesh.casts for mesh in scene.meshes], bool), np.diff(first)),
         front=front,
         terminator=terminator,
+        bend=np.repeat(np.array([mesh.bend for mesh in scene.meshes], np.float32), np.diff(first)),
         origin=origin,
         radius=float(np.linalg.norm(high - low) / 2),
     )

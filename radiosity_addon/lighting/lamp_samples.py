@@ -77,11 +77,29 @@ def normals_of(shading: Float32, geometric: Float32 | None) -> list[Float32]:
     return [rows_of(shading)] if geometric is None else [rows_of(shading), rows_of(geometric)]
 
 
-def cosine_above(way: Float32, normals: list[Float32]) -> Float32:
-    """Cosine (B,) between ways (3, B) and the first normals; 0 below the horizon of any."""
+def bent_share(cosine: Float32, bend: Float32) -> Float32:
+    """By how much less light (R,) counts than by Lambert's law where it counts by cos(bend t), t its angle."""
+    angle = np.arccos(np.minimum(cosine, 1))
+    angle *= bend
+    share: Float32 = np.maximum(np.cos(angle), 0)
+    share /= np.maximum(cosine, TINY)
+    return share
+
+
+def evenly_bent_share(bend: Float32) -> Float32:
+    """The same (R,) of light that comes alike from everywhere: cos(bend t) 2 sin(t), integrated up to pi / (2 bend)."""
+    wide = np.maximum(bend.astype(np.float64), 1 + 1e-6)
+    share: Float32 = (2 * (wide * np.sin(np.pi / 2 / wide) - 1) / (wide**2 - 1)).astype(np.float32)
+    return share
+
+
+def cosine_above(way: Float32, normals: list[Float32], bend: Float32 | None = None) -> Float32:
+    """Cosine (B,) between ways (3, B) and the first normals, of the `bend` (B,) angle; 0 below the horizon of any."""
     cosine = dot(way, normals[0])
     cosine /= np.sqrt(np.maximum(dot(way, way), TINY))
     np.maximum(cosine, 0, out=cosine)
+    if bend is not None:
+        cosine *= bent_share(cosine, bend)
     for normal in normals[1:]:
         cosine *= dot(way, normal) > 0
     return cosine

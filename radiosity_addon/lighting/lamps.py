@@ -77,8 +77,10 @@ class Lamp(ABC):
     def aim(self, p: Float32, u: Float32, v: Float32) -> tuple[Float32, Float32]:
         """Ways (3, B) from points p (3, B) to the lamp's samples (u, v) in [0, 1)^2, and their weights (B,)."""
 
-    def light_by_samples(self, p: Float32, normals: list[Float32], nodes: Float64) -> Float32:
-        """`light()` as a sum over nodes (K, 3), rows of u, v and weight; normals are those of `cosine_above`."""
+    def light_by_samples(
+        self, p: Float32, normals: list[Float32], nodes: Float64, bend: Float32 | None = None
+    ) -> Float32:
+        """`light()` as a sum over nodes (K, 3): u, v and weight; normals and bend are those of `cosine_above`."""
         total = np.empty(p.shape[1], np.float32)
         step = max(BLOCK // len(nodes), 1)
         for start in range(0, len(total), step):
@@ -86,7 +88,8 @@ class Lamp(ABC):
             count = len(total[part])
             u, v, share = np.repeat(nodes.T.astype(np.float32), count, axis=1)
             away, weight = self.aim(np.tile(p[:, part], len(nodes)), u, v)
-            weight *= cosine_above(away, [np.tile(normal[:, part], len(nodes)) for normal in normals])
+            bent = None if bend is None else np.tile(bend[part], len(nodes))
+            weight *= cosine_above(away, [np.tile(normal[:, part], len(nodes)) for normal in normals], bent)
             weight *= share
             total[part] = weight.reshape(-1, count).sum(0)
         return total

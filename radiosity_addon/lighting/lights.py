@@ -37,7 +37,7 @@ from .penumbra import trace_shares
 from .shades import Probes, undecided
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot
 from .sparse_light import light_of_meshes
-from .terminator import Footing
+from .terminator import Footing, bend_light
 
 BATCH = 8
 """Lamps treated together, at most: they share ray origins."""
@@ -162,6 +162,10 @@ def irradiance_at(
             if triangle is not None:
                 for index, own in zip(company.members, np.atleast_2d(light), strict=True):
                     lamps.keep_to_receivers(index, own, triangle[part])
+            if footing is not None:
+                face, above = footing.triangle[part], [rows_of(normals[part])]
+                for index, own in zip(company.members, np.atleast_2d(light), strict=True):
+                    bend_light(lamps.lamps[index], own, points[part], above, footing.surfaces, face)
             lit = np.flatnonzero(brightest(light) > 0)
             share: Float32 = np.ones((company.channels(visibility), light.shape[-1]), np.float32)
             if lamp.shadow and len(lit):
@@ -342,6 +346,7 @@ def _probe(
                 light = lamp.light(points, shading, horizon)[None]
             for index, own in zip(members, light, strict=True):
                 batch.keep_to_receivers(index, own, triangle)
+                bend_light(batch.lamps[index], own, points, receivers.normals, texels.surfaces, triangle)
                 probes.light[index, ids] = own
             lit = np.flatnonzero(brightest(light) > 0)
             if not lamp.shadow or not len(lit):

@@ -27,7 +27,7 @@ from .lamps import Lamp
 from .light_nodes import LightNodes, place_nodes
 from .own_faces import OwnFaces
 from .shadows import shoot
-from .terminator import Footing, footing, horizons
+from .terminator import Footing, bend_light, footing, horizons
 
 LEAST_SPACING = 4.0
 """Texels between nodes, at least."""
@@ -184,6 +184,8 @@ class _Stand:
     ) -> tuple[Float32, NDArray[np.uint8]]:
         """Unshadowed light (B,) of a lamp, and the share (C, B), of 255, of one sample that arrives."""
         light = lamp.light(self.position, self.shading, self.horizon)
+        if self.footing is not None:
+            bend_light(lamp, light, self.position, self.normals, self.footing.surfaces, self.triangle)
         if isinstance(lamp, PanelLamp):
             faces.put_out(lamp.emitter, light, self.triangle)
         arrives = np.full((visibility.channels, len(light)), 0 if lamp.shadow else 255, np.uint8)

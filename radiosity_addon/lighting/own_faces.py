@@ -24,7 +24,7 @@ from ..geometry.visibility import Visibility, passing_chance
 from ..sampling import cosine_directions, even_uniform
 from ..scene import Material
 from .glow import Glow
-from .lamp_samples import lattice_generators, pixel_shifts, shifted
+from .lamp_samples import bent_share, lattice_generators, pixel_shifts, shifted
 from .shadows import sample_groups, whole_groups
 
 CHUNK = 1 << 13
@@ -54,6 +54,7 @@ class OwnFaces:
         hollow: (E,) bool, may see itself
         picture: (E,) bool, shows what `glow` has
         glow: what triangles emit whose emission varies
+        bend: (F,) float32, of the angles of light on triangles; None where it counts by Lambert's law
     """
 
     emitter: Int32
@@ -62,6 +63,7 @@ class OwnFaces:
     hollow: Bools
     picture: Bools
     glow: Glow | None
+    bend: Float32 | None
 
     @classmethod
     def of(cls, emitters: Sequence[tuple[Int64, Material]], surfaces: Surfaces, glow: Glow | None) -> OwnFaces:
@@ -77,7 +79,7 @@ class OwnFaces:
             if glow is not None and picture[number]:
                 radiance[number] = glow.radiance[np.searchsorted(glow.triangle, triangles)].max((0, 1))
         group = np.array([material.group for _, material in emitters], np.int64)
-        return cls(faces, radiance, group, hollow, picture, glow)
+        return cls(faces, radiance, group, hollow, picture, glow, surfaces.bend if surfaces.bends else None)
 
     def put_out(self, emitter: int, light: Float32, triangle: Int32) -> None:
         """Put out, in place, an emitter's light (P,) on points of triangles (P,) of its own."""
@@ -125,6 +127,8 @@ class OwnFaces:
             share[:, varied] = (shown / np.maximum(self.radiance[own[varied]], np.float32(1e-30))).T
         if hits.tint is not None:
             share *= hits.tint.T
+        if self.bend is not None:
+            share *= bent_share(dots(ways, shading), self.bend[triangle])
         return share
 
     def irradiance(self, triangle: Int32, share: Float32) -> Float32:

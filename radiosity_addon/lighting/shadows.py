@@ -108,7 +108,7 @@ def shoot(
     is no light, nothing of it arrives.
     """
     way, light = lamp.aim(p, u, v)
-    light *= cosine_above(way, normals)
+    light *= cosine_above(way, normals, None if footing is None else footing.bend)
     if footing is not None:
         p, way = footing.lift(p, way, normals[0])
     live = np.flatnonzero(brightest(light) > 0)

@@ -9,6 +9,9 @@ Shadow Terminator > Geometry Offset), and leaves it to the rays what is below th
 With an offset of 0 light from below a facet comes through that very facet, and is stopped by others only: closed bodies
 stay dark there, open sheets do not.
 
+A Shading Offset counts light by the cosine of a larger angle, so that it fades out before it grazes: closed forms are
+weakened by what quadrature finds that this leaves, samples weighed by it.
+
 One thing differs. Cycles also lifts the rays that it sends to the world as to a lamp; here only bright pieces of the
 sky are lamps, and the rest of it, a hundredth of which grazes, is gathered from where surfaces are.
 """
@@ -19,10 +22,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64
+from ..arrays import Float32, Float64, Int32, Int64
 from ..geometry.surfaces import THROUGH, Surfaces
 from ..geometry.texels import Texels
-from .lamp_samples import TINY, dot, rows_of
+from .lamp_samples import TINY, dot, gauss_nodes, rows_of
+from .lamps import Lamp
+
+BENT_NODES = 8
+"""Gauss points along each side of a lamp by which it is found what a bent cosine leaves of its light."""
+
+CENTRE = np.array([[0.5, 0.5, 1.0]])
+"""The one node of a lamp without size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +50,11 @@ class Footing:
     triangle: Int32
     weights: Float32
     side: int = 1
+
+    @property
+    def bend(self) -> Float32 | None:
+        """Of the angles of light (R,); None where light counts by Lambert's law everywhere."""
+        return self.surfaces.bend.take(self.triangle) if self.surfaces.bends else None
 
     def only(self, chosen: Int64, samples: int = 1) -> Footing:
         """Those at positions `chosen` of each of `samples` blocks."""
@@ -79,11 +94,34 @@ class Footing:
 
 
 def footing(texels: Texels, ids: Int64 | Int32, sample: Int64 | Int32, side: int = 1) -> Footing | None:
-    """Where `texels.points(ids, sample)` are; None where nothing there is rounder than its triangles."""
+    """Where `texels.points(ids, sample)` are; None where nothing there is rounder than its triangles or bends light."""
     surfaces = texels.surfaces
-    if not surfaces.rounds or not surfaces.terminator.take(texels.triangle[ids]).any():
+    triangle = texels.triangle[ids] if surfaces.rounds or surfaces.bends else np.zeros(0, np.int32)
+    if not (surfaces.terminator.take(triangle).any() or (surfaces.bend.take(triangle) != 1).any()):
         return None
     return Footing(surfaces, *texels.places(ids, sample), side)
+
+
+def bend_light(
+    lamp: Lamp, light: Float32, points: Float32, normals: list[Float32], surfaces: Surfaces, triangle: Int32
+) -> None:
+    """Weaken a lamp's unshadowed light (P,), in place, where it counts by a cosine that is bent (Shading Offset).
+
+    Args:
+        points: (P, 3) float32, m
+        normals: (3, P) each, those of `cosine_above`
+        triangle: (P,) that the points are of
+    """
+    if not surfaces.bends:
+        return
+    bend = surfaces.bend.take(triangle)
+    some = np.flatnonzero((bend != 1) & (light != 0))
+    if not len(some):
+        return
+    nodes: Float64 = gauss_nodes(BENT_NODES) if lamp.extended else CENTRE
+    p, above = rows_of(points[some]), [normal[:, some] for normal in normals]
+    straight = lamp.light_by_samples(p, above, nodes)
+    light[some] *= lamp.light_by_samples(p, above, nodes, bend[some]) / np.maximum(straight, TINY)
 
 
 def bulge(surfaces: Surfaces, triangle: Int32, weights: Float32, side: int = 1) -> Float32:

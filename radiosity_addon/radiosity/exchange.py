@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ..geometry.opacity import Opacity
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls
+from ..lighting.lamp_samples import evenly_bent_share
 from ..lighting.lights import Lamps
 from ..lighting.sky import Sky
 from ..scene import Scene
@@ -102,14 +103,21 @@ def _exchange(
     )
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, start.sky))
     sky = sky_irradiance(transport, scene)
+    surfaces, bent = start.texels.surfaces, None
+    if surfaces.bends:  # the light of other patches comes from all around
+        bent = evenly_bent_share(surfaces.bend[start.texels.triangle[patches.any_texels()]])
 
     def between() -> Fractions[tuple[Solution, tuple[PatchLight, ...]]]:
-        asking = first_exitance(patches, look, start.direct, sky, start.lamps, visibility, len(scene.groups))
+        counted = sky if bent is None else sky * bent[:, None, None]
+        asking = first_exitance(patches, look, start.direct, counted, start.lamps, visibility, len(scene.groups))
         exitance = yield from scaled(asking, 0, 0.3)
-        solving = _solve(log, transport, patches, exitance, sky, bounce_limits(scene, settings), settings)
+        dimmed = patches if bent is None else replace(patches, reflectance=patches.reflectance * bent[:, None])
+        solving = _solve(log, transport, dimmed, exitance, sky, bounce_limits(scene, settings), settings)
         return (yield from scaled(solving, 0.3, 1))
 
     solution, passes = yield from log.stage("Radiosity", between())
+    if bent is not None:
+        passes = tuple(replace(each, irradiance=each.irradiance * bent[:, None, None]) for each in passes)
     return Exchange(patches, passes, solution)
 
 

@@ -2,7 +2,7 @@
 """Direct light where it grazes coarse smooth-shaded surfaces, against Cycles' own bake of them onto the same page.
 
 A ball and a folded sheet of few facets stand with several values of Shadow Terminator > Geometry Offset between a low
-sun and an area lamp.
+sun and an area lamp; then with several of its Shading Offset, in the light of a lamp and of a room, too.
 """
 
 from __future__ import annotations
@@ -29,10 +29,13 @@ OFFSETS = (0.0, 0.1, 0.5)
 """None, Cycles' default, and one that reaches farther."""
 
 
-def stand(name: str, mesh: bpy.types.Mesh, place: tuple[float, float, float], offset: float) -> None:
+def stand(
+    name: str, mesh: bpy.types.Mesh, place: tuple[float, float, float], offset: float, shading: float = 0.0
+) -> None:
     thing = bpy.data.objects.new(name, mesh)
     thing.location = place
     thing.shadow_terminator_geometry_offset = offset
+    thing.shadow_terminator_shading_offset = shading
     bpy.context.scene.collection.objects.link(thing)
 
 
@@ -46,29 +49,41 @@ def sheet() -> bpy.types.Mesh:
     return mesh
 
 
-@pytest.fixture(scope="module")
-def lit() -> tuple[Baked, Baked, np.ndarray]:
-    """Our bake, one that knows of no offsets, and what Cycles says: (PAGE, PAGE), -1 where there is no texel."""
+def ball() -> bpy.types.Mesh:
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8)
+    made = bpy.context.object
+    bpy.ops.object.shade_smooth()
+    mesh = made.data.copy()
+    bpy.data.objects.remove(made)
+    return mesh
+
+
+def dark_scene() -> bpy.types.Scene:
+    """An empty scene without light."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0):
         scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    return scene
+
+
+def shine(kind: str, strength: float, place: tuple[float, float, float], turn: tuple[float, float, float]) -> None:
+    lamp = bpy.data.objects.new(kind, bpy.data.lights.new(kind, kind))
+    lamp.data.energy, lamp.location, lamp.rotation_euler = strength, place, turn
+    bpy.context.scene.collection.objects.link(lamp)
+
+
+@pytest.fixture(scope="module")
+def lit() -> tuple[Baked, Baked, np.ndarray]:
+    """Our bake, one that knows of no offsets, and what Cycles says: (PAGE, PAGE), -1 where there is no texel."""
+    scene = dark_scene()
     for row, offset in enumerate(OFFSETS):
-        bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8)
-        ball = bpy.context.object
-        bpy.ops.object.shade_smooth()
-        stand("Ball", ball.data.copy(), (0.0, 4.0 * row, 0.0), offset)
-        bpy.data.objects.remove(ball)
+        stand("Ball", ball(), (0.0, 4.0 * row, 0.0), offset)
         stand("Sheet", sheet(), (0.0, 2.0 + 4.0 * row, 0.0), offset)
-    for kind, strength, place, turn in (
-        ("SUN", 3.0, (0.0, 0.0, 0.0), (0.3, math.radians(-65), 0.0)),
-        ("AREA", 900.0, (6.0, 5.0, 2.0), (0.0, math.radians(72), 0.0)),
-    ):
-        lamp = bpy.data.objects.new(kind, bpy.data.lights.new(kind, kind))
-        lamp.data.energy, lamp.location, lamp.rotation_euler = strength, place, turn
-        scene.collection.objects.link(lamp)
+    shine("SUN", 3.0, (0.0, 0.0, 0.0), (0.3, math.radians(-65), 0.0))
+    shine("AREA", 900.0, (6.0, 5.0, 2.0), (0.0, math.radians(72), 0.0))
     bpy.data.lights["SUN"].angle = 0.02
     extraction = extract_scene(scene)
     settings = BakeSettings(page_size=PAGE, quality="medium", bounces=0)
@@ -91,3 +106,33 @@ def test_light_that_grazes_smooth_surfaces_is_as_in_cycles_own_bake(lit: tuple[B
     assert grazed.sum() > 500
     assert abs(error[grazed].mean()) < 0.15 * more[grazed].mean()
     assert np.sqrt(np.mean(error[grazed] ** 2)) < 0.3 * np.sqrt(np.mean(more[grazed] ** 2))
+
+
+SHADINGS = (0.0, 0.3, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["SUN", "POINT", "AREA"])
+def test_a_shading_offset_fades_light_out_before_it_grazes_as_in_cycles_own_bake(kind: str) -> None:
+    scene = dark_scene()
+    for row, shading in enumerate(SHADINGS):
+        stand(f"Ball {row}", ball(), (0.0, 3.0 * row, 0.0), 0.1, shading)
+    strength = {"SUN": 3.0, "POINT": 900.0, "AREA": 900.0}[kind]
+    shine(kind, strength, (4.0, 3.0, 2.0), (0.3, math.radians(65), 0.0))
+    if kind == "AREA":
+        bpy.data.lights[kind].size = 2.0
+    extraction = extract_scene(scene)
+    found = extraction.scene
+    baked = finish(
+        bake(found, BakeSettings(page_size=PAGE // 2, quality="medium", bounces=0), CyclesShader(scene, extraction))
+    )
+    reference = by_cycles(baked, found, [mesh.name for mesh in found.meshes], {"DIRECT"}, SAMPLES)
+    mean = per_mesh(baked, np.where(reference >= 0, reference, 0)) / per_mesh(baked, reference >= 0)
+    ours = per_mesh(baked, np.where(reference >= 0, baked.pages[0][:, :, 0], 0)) / per_mesh(baked, reference >= 0)
+    assert ours == pytest.approx(mean, rel=0.01)
+
+
+def per_mesh(baked: Baked, page: np.ndarray) -> np.ndarray:
+    """Sums over the texels of each mesh."""
+    texels = baked.elements
+    mesh = texels.surfaces.mesh[texels.triangle[:]]
+    return np.bincount(mesh, page.reshape(-1)[texels.pixel].astype(float))

@@ -280,6 +280,7 @@ class Reading:
                     two_sided=two_sided,
                     page_group=page_group,
                     terminator=terminator_offsets(thing)[0],
+                    bend=1 / (1 - terminator_offsets(thing)[1] / 2),  # as Cycles has it
                     met=thing.visible_diffuse and maker.visible_diffuse,
                     casts=thing.visible_shadow and maker.visible_shadow,
                 ),
@@ -302,8 +303,6 @@ class Reading:
         for name, what in (("is_shadow_catcher", "a shadow catcher"), ("is_holdout", "a holdout")):
             if getattr(thing, name):
                 self.notes.warn(f"{thing.name} is {what}, and is baked as an ordinary surface")
-        if terminator_offsets(thing)[1] > 0:
-            self.notes.warn(f"{thing.name}: of its Shadow Terminator the Shading Offset is not baked")
 
     def gets_lightmap(self, item: bpy.types.DepsgraphObjectInstance) -> bool:
         name = item.object.name
