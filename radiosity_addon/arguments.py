@@ -29,6 +29,7 @@ class Verb:
     render: Path | None = None
     render_before: Path | None = None
     density: float | None = None
+    fine_folds: bool | None = None
     page_size: int | None = None
     quality: str | None = None
     form_factors: str | None = None
@@ -197,6 +198,13 @@ def _add_scene(verb: argparse.ArgumentParser, text: str, opened: str | None) -> 
 
 def _add_density(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--density", type=float, metavar="F", help="texels per metre; default: fill one page")
+    verb.add_argument(
+        "--no-fine-folds",
+        dest="fine_folds",
+        action="store_false",
+        default=None,
+        help="give curtains and the like, that fold within few texels, no finer ones than others",
+    )
     verb.add_argument(
         "--page-size", type=int, metavar="N", help=f"texels along a page's edge; default: {BakeSettings.page_size}"
     )

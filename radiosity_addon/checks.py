@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -11,6 +12,7 @@ import numpy as np
 
 from .arrays import Bools
 from .atlas.charts import measure
+from .atlas.folds import FINEST, MOST_TURN, Folds
 from .atlas.kept_uv import UvMapError, kept_uv
 from .estimate import too_large
 from .geometry.surfaces import Surfaces, flatten
@@ -28,6 +30,15 @@ WHOLE = 0.999
 
 FULL = 0.5
 """Share of its box that a room modelled as one closed shell encloses; walls with a thickness fill less."""
+
+BLOTCHY = math.radians(30)
+"""A normal that turns so far within a texel: 3.4 % of light that goes with its cosine is lost, see `atlas.folds`."""
+
+SEEN = 0.01
+"""Share of all texels from which on an object's folds are worth a word."""
+
+MENDED_BY = 4.0
+"""Greatest density to advise: what folds within less than a texel looks like a line, not like blotches."""
 
 Severity = Literal["error", "warning", "info"]
 
@@ -51,12 +62,19 @@ class Finding:
 
 def check(scene: Scene, settings: BakeSettings) -> list[Finding]:
     """All that is found, in no order of importance."""
-    areas = lit_areas(scene.meshes)
+    folds = Folds.of(scene.meshes, settings)
+    areas = lit_areas(folds.finer(scene.meshes))
     too_dense = [
         Finding("error", f"{name} is too large for a page at this density; lower it, or choose larger pages", name)
         for name in too_large(areas, settings)
     ]
-    return [*_kept_maps(scene), *too_dense, *_dominant(scene, areas, settings), *_inside_out(scene)]
+    return [
+        *_kept_maps(scene),
+        *too_dense,
+        *_dominant(scene, areas, settings),
+        *_inside_out(scene),
+        *_coarse_folds(scene.meshes, folds, settings),
+    ]
 
 
 def lit_areas(meshes: Sequence[Mesh]) -> list[tuple[str, float]]:
@@ -112,6 +130,21 @@ def _dominant(scene: Scene, areas: Sequence[tuple[str, float]], settings: BakeSe
     share = f"{of[largest] / total:.0%} of the lightmap"
     text = f"{largest} reaches far beyond all else and takes {share}; a lower density leaves more to others"
     return [Finding("info", text, largest)]
+
+
+def _coarse_folds(meshes: Sequence[Mesh], folds: Folds, settings: BakeSettings) -> list[Finding]:
+    """Surfaces of some size whose folds are too narrow for their texels, even if those become finer by themselves."""
+    advised = folds.turn / MOST_TURN / (FINEST if settings.fine_folds else 1.0)
+    large = folds.texels >= SEEN * folds.texels.sum()
+    found: dict[str, Finding] = {}
+    for index in np.flatnonzero(large & (folds.left > BLOTCHY)).tolist():
+        name, density = meshes[index].name, meshes[index].density * float(advised[index])
+        if density > MENDED_BY:
+            continue
+        turn = f"{math.degrees(folds.left[index]):.0f} degrees within a texel, too far to look smooth"
+        remedy = f"set its Density to {density:.1f}, or choose larger pages"
+        found.setdefault(name, Finding("info", f"{name}: its folds turn by {turn}; {remedy}", name))
+    return list(found.values())
 
 
 def _extent(meshes: Sequence[Mesh]) -> float:

@@ -79,6 +79,7 @@ class BakeSettings:
 
     Attributes:
         density: texels per metre; None fills one page
+        fine_folds: smooth surfaces that fold within few texels get finer ones
         page_size: texels along an edge of a page
         quality: draft, medium or high
         form_factors: name of the estimator of form factors
@@ -97,6 +98,7 @@ class BakeSettings:
     """
 
     density: float | None = None
+    fine_folds: bool = True
     page_size: int = 1024
     quality: QualityName = "medium"
     form_factors: FormFactorName = "nusselt"

@@ -38,6 +38,21 @@ def mesh_of(name, quads, materials, **options):
     )
 
 
+def sheet(name, radius, arc, columns=96, length=1.0, **options):
+    """A smooth-shaded sheet of a cylinder about y, bent by `arc` radians; of none: a plane `radius` metres wide."""
+    at = np.linspace(0, 1, columns + 1)
+    normal = np.stack([np.sin(at * arc), np.zeros_like(at), np.cos(at * arc)], axis=1)
+    rim = radius * (normal - [0, 0, 1] if arc else at[:, None] * [1, 0, 0])
+    vertices = np.concatenate([rim, rim + np.array([0, length, 0])])
+    step = np.arange(columns)
+    quads = np.stack([step, step + 1, step + columns + 2, step + columns + 1], axis=1)
+    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3).astype(np.int32)
+    corner = (4 * step[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3).astype(np.int32)
+    normals = np.tile(normal, (2, 1)).astype(np.float32)[triangles]
+    polygon = np.repeat(step, 2).astype(np.int32)
+    return Mesh(name, vertices, triangles, normals, np.zeros_like(polygon), polygon, corner, **options)
+
+
 def box(name, low, high, materials=0, inward=False, **options):
     """A closed box of six quads, normals outward unless `inward`."""
     (x, y, z), (dx, dy, dz) = low, np.subtract(high, low)

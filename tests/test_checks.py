@@ -9,6 +9,7 @@ import pytest
 from radiosity_addon.checks import check
 from radiosity_addon.scene import Material, Mesh, PointLight, Scene
 from radiosity_addon.settings import BakeSettings
+from tests.shapes import sheet
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -116,3 +117,23 @@ def test_an_object_that_leaves_nothing_to_others_is_named_while_one_page_is_fill
 def test_what_is_too_large_for_a_page_at_a_density_is_named() -> None:
     assert found(quad("Ground", 100), density=20.0, page_size=1024) == [("error", "Ground")]
     assert found(quad("Ground", 100), density=10.0, page_size=1024) == []
+
+
+def test_folds_too_narrow_for_their_texels_are_named_with_the_density_that_they_need() -> None:
+    """At 100 texels a metre a cylinder of 10 mm turns by 57 degrees within a texel, by half of that if it is finer."""
+    floor, curtain = quad("Floor"), sheet("Curtain", 0.01, 3.0)
+    fixed = {"density": 100.0, "page_size": 2048}
+    assert found(floor, curtain, **fixed) == []
+    scene = Scene((floor, curtain), (Material("Grey"),))
+    (finding,) = check(scene, BakeSettings(**fixed, fine_folds=False))
+    assert (finding.severity, finding.subject) == ("info", "Curtain")
+    assert "57 degrees" in finding.text
+    assert "Density to 3.8," in finding.text
+    mended = replace(curtain, density=3.8)
+    assert found(floor, mended, **fixed, fine_folds=False) == []
+
+
+def test_folds_of_hardly_any_size_and_threads_are_not_worth_a_word() -> None:
+    fixed = {"density": 100.0, "page_size": 2048, "fine_folds": False}
+    assert found(quad("Floor", 4), sheet("Arm", 0.01, 3.0), **fixed) == []
+    assert found(quad("Floor", 0.5), sheet("Thread", 0.001, 3.0, length=9.0), **fixed) == []

@@ -79,7 +79,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
         "--write-back uv --tolerance 1e-4 --bounces 3 --report r.json --render p.png --object Wall Floor --object Lamp"
     )
     form = "--format rgbm --depth float --compression piz --exposure -1.5 --transfer linear --target-space p3"
-    last = "--intent perceptual --form-factors area --subdivisions 2"
+    last = "--intent perceptual --form-factors area --subdivisions 2 --no-fine-folds"
     given = " ".join([words, more, form, last])
     assert cli.main(["bake", str(blend), "-o", "out.blend", *given.split()]) == 0
     here = Path.cwd()
@@ -93,6 +93,7 @@ def test_every_option_arrives(blend: Path, ran: list[tuple[cli.Verb, bool]]) -> 
                 report=here / "r.json",
                 render=here / "p.png",
                 density=32.0,
+                fine_folds=False,
                 page_size=512,
                 quality="high",
                 form_factors="area",

@@ -5,6 +5,7 @@ settings = bpy.context.scene.radiosity
 
 settings.density_enabled = False
 settings.density = 64.0
+settings.fine_folds = True
 settings.page_size = 4096
 settings.quality = "high"
 settings.tolerance = 1e-05

@@ -15,6 +15,7 @@ from ..scene import Mesh, Scene
 from ..settings import BakeSettings
 from .cells import HIDDEN_SHARE, lay_cells
 from .families import Family, Place, boxes, lay_blocks, layout_of, make_family, shared_shapes
+from .folds import Folds
 from .packing import Items, Placement, fill_page, place, scale_of_area
 from .parametrize import Flat, flatten_meshes, scaled
 
@@ -81,7 +82,7 @@ def build_atlas(scene: Scene, settings: BakeSettings) -> Generator[float, None, 
     """
     for mesh in scene.meshes:
         _check(mesh)
-    meshes = scene.meshes
+    meshes = Folds.of(scene.meshes, settings).finer(scene.meshes)
     shared = shared_shapes(meshes)
     led = {index for members in shared.values() for index in members[1:]}
     leaders = [i for i, mesh in enumerate(meshes) if mesh.lightmapped and len(mesh.triangles) and i not in led]

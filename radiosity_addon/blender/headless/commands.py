@@ -159,8 +159,8 @@ def _texels(atlas: Atlas, mesh: int) -> int:
 def bake_settings(scene: bpy.types.Scene, verb: Verb) -> BakeSettings:
     """The scene's settings, and what the command line says in their place."""
     names = (
-        "density", "page_size", "quality", "form_factors", "subdivisions", "solver", "tolerance", "threads",
-        "light_groups",
+        "density", "fine_folds", "page_size", "quality", "form_factors", "subdivisions", "solver", "tolerance",
+        "threads", "light_groups",
     )  # fmt: skip
     given: dict[str, Any] = {name: getattr(verb, name) for name in names if getattr(verb, name) is not None}
     if verb.bounces is not None:

@@ -14,6 +14,7 @@ SETTINGS = {
     "RadiositySceneSettings": {
         "density_enabled": "bake.md#density",
         "density": "bake.md#density",
+        "fine_folds": "advanced.md#finer-folds",
         "page_size": "bake.md#page-size",
         "quality": "bake.md#quality",
         "tolerance": "solver.md#tolerance",

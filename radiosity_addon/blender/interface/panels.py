@@ -300,7 +300,7 @@ class RADIOSITY_PT_advanced(SplitPanel, RenderPanel, bpy.types.Panel):
 
     def draw_in(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         settings = context.scene.radiosity
-        for name in ("solver", "form_factors", "subdivisions", "threads"):
+        for name in ("solver", "form_factors", "subdivisions", "fine_folds", "threads"):
             layout.prop(settings, name)
 
 

@@ -46,6 +46,12 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         soft_max=512.0,
         update=settings_changed,
     )
+    fine_folds: BoolProperty(
+        name="Finer Folds",
+        description="Give smooth surfaces that fold within few texels, such as curtains, up to twice as fine ones",
+        default=BakeSettings.fine_folds,
+        update=settings_changed,
+    )
     page_size: IntProperty(
         name="Page Size",
         description="Texels along an edge of a lightmap image; twice as many take about three times as long",
@@ -166,6 +172,7 @@ class RadiositySceneSettings(bpy.types.PropertyGroup):
         """The core's settings."""
         return BakeSettings(
             density=self.density if self.density_enabled else None,
+            fine_folds=self.fine_folds,
             page_size=self.page_size,
             quality=self.quality,
             tolerance=self.tolerance,
