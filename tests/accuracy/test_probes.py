@@ -13,7 +13,9 @@ import bpy
 from mathutils import Vector
 
 from tests.accuracy import probes
+from tests.accuracy.comparison import READING
 from tests.accuracy.cycles_judge import measure
+from tests.accuracy.edges import change_beside
 
 SAMPLES = 512
 
@@ -139,3 +141,19 @@ def test_points_of_a_curved_surface_lie_on_it() -> None:
     assert squares.there.all()
     np.testing.assert_allclose(np.linalg.norm(squares.points, axis=2), 1.0, atol=0.005)
     np.testing.assert_allclose(squares.shading, squares.points, atol=0.01)
+
+
+def test_light_changes_beside_a_probe_within_what_a_texel_s_reading_takes_in_of_the_edge_of_a_shadow() -> None:
+    """A roof over the half of the floor where x < 0, under a sun in the zenith: probes before it, and under it."""
+    texel = 0.1
+    roof = bpy.data.meshes.new("Roof")
+    roof.from_pydata([(-5, -5, 9), (0, -5, 9), (0, 5, 9), (-5, 5, 9)], [], [(0, 1, 2, 3)])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Roof", roof))
+    lamp("SUN", energy=math.pi, angle=0.0)
+    x = texel * READING * np.array([-1.2, -0.8, 0.8, 1.2])
+    place = x[:, None] * [1.0, 0, 0]
+    value = np.array([0.0, 0.0, 1.0, 1.0])[:, None] * np.ones(3)
+    up = np.tile([0.0, 0.0, 1.0], (4, 1))
+    told = probes.References(np.array(["Floor"] * 4), place, up, value, 0 * value, texel, "", 1, x, x, 0, "")
+    np.testing.assert_allclose(change_beside(told, np.arange(4)), [0, 2, 2, 0], atol=0.05)  # twice the mean of 0.5
+    np.testing.assert_allclose(change_beside(told, np.array([3, 1])), [0, 2], atol=0.05)
