@@ -98,6 +98,15 @@ def test_reflectances_that_can_not_be_are_brought_into_range_and_named(shown, ex
     assert text in warnings[0]
 
 
+def test_each_surface_is_told_how_much_it_reflects_itself():
+    shade = Pictures({"reflectance": lambda u, v: np.where(u + 0 * v < 0.5, 1.25, 4.0), "emission": 0.0})
+    _, warnings, _ = look_of(two_squares(PAINTED, PAINTED), shade)
+    assert [warning.split(" in places")[0] for warning in warnings] == [
+        "Square 0: the reflectance of material 'Painted' is up to 1.25",
+        "Square 1: the reflectance of material 'Painted' is up to 4",
+    ]
+
+
 def test_bright_emission_is_no_fault():
     look, warnings, _ = look_of(two_squares(PAINTED, PAINTED), Pictures({"reflectance": 0.5, "emission": 5000.0}))
     assert look.emission.min() == 5000

@@ -108,13 +108,15 @@ def within_physics(
         ((colors < 0).any(1), "is negative in places, which are taken as black"),
     ]
     if quantity == "reflectance":
-        most = f"is up to {colors.max(initial=0):.4g} in places and limited to {MAX_REFLECTANCE}"
-        wrong.append(((colors > MAX_REFLECTANCE).any(1), most))
-    np.clip(colors, 0, MAX_REFLECTANCE if quantity == "reflectance" else None, out=colors)
+        wrong.append(((colors > MAX_REFLECTANCE).any(1), "is up to {:.4g} in places and limited to {}"))
     said = []
     for where, text in wrong:
         pairs = np.stack([surfaces.mesh[triangle[where]], surfaces.material[triangle[where]]], axis=1)
-        for mesh, material in np.unique(pairs, axis=0):
-            name = scene.materials[material].name
-            said.append(f"{scene.meshes[mesh].name}: the {quantity} of material {name!r} {text}")
+        found, pair = np.unique(pairs, axis=0, return_inverse=True)
+        most = np.zeros(len(found), np.float32)
+        np.maximum.at(most, pair.ravel(), colors[where].max(axis=1, initial=0))
+        for (mesh, material), highest in zip(found, most, strict=True):
+            name, what = scene.materials[material].name, text.format(highest, MAX_REFLECTANCE)
+            said.append(f"{scene.meshes[mesh].name}: the {quantity} of material {name!r} {what}")
+    np.clip(colors, 0, MAX_REFLECTANCE if quantity == "reflectance" else None, out=colors)
     return colors, tuple(said)

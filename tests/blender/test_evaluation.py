@@ -21,6 +21,22 @@ def test_looking_at_render_settings_leaves_no_trace():
     assert snapshot() == before
 
 
+@pytest.mark.parametrize("in_use", [False, True])
+@pytest.mark.parametrize("shown", [0, 1])
+def test_of_several_view_layers_the_one_asked_for_is_looked_at_whether_it_renders_or_not(shown, in_use):
+    scene = bpy.context.scene
+    for name in ("One", "Two"):
+        scene.collection.children.link(bpy.data.collections.new(name))
+        bpy.data.collections[name].objects.link(bpy.data.objects.new(name, None))
+    second = scene.view_layers.new("Second")
+    for layer, hidden in ((scene.view_layers[0], "Two"), (second, "One")):
+        layer.layer_collection.children[hidden].exclude = True
+    second.use = in_use
+    with at_render_settings(scene, scene.view_layers[shown]) as depsgraph:
+        names = {item.object.name for item in depsgraph.object_instances}
+    assert names & {"One", "Two"} == {("One", "Two")[shown]}
+
+
 def test_an_exception_inside_the_look_comes_out_and_leaves_no_trace():
     before = snapshot()
     with pytest.raises(ZeroDivisionError), at_render_settings(bpy.context.scene):

@@ -140,6 +140,17 @@ def test_no_slot_and_an_empty_slot_are_cycles_default_surface():
     assert [scene.materials[mesh.material[0]].reflectance for mesh in scene.meshes] == [(0.8, 0.8, 0.8)] * 2
 
 
+def test_an_empty_slot_of_the_object_itself_shows_what_cycles_does():
+    thing = add_mesh("own")
+    thing.data.materials.append(diffuse("red", 0.5))
+    other = bpy.data.objects.new("other", thing.data)
+    bpy.context.scene.collection.objects.link(other)
+    other.material_slots[0].link = "OBJECT"
+    scene = extract().scene
+    shown = {mesh.name: scene.materials[mesh.material[0]].name for mesh in scene.meshes}
+    assert shown == {"own": "red", "other": "" if bpy.app.version >= (5, 0) else "red"}
+
+
 def test_objects_invisible_to_every_ray_are_left_out():
     add_mesh("seen")
     probe = add_mesh("probe")

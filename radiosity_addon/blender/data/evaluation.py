@@ -40,9 +40,9 @@ def at_render_settings(
         view_layer: one of the scene's; by default the window's if it shows this scene, else the first that renders
     """
     layer = view_layer or _shown_layer(scene)
-    with _engine() as given, _copy_to_render(scene) as copy:
+    with _engine() as given, _copy_to_render(scene, layer.name) as copy:
         with quiet_handlers(RENDER_HANDLERS), without_render_result():
-            bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name, layer=layer.name)
+            bpy.ops.render.render("EXEC_DEFAULT", scene=copy.name)
         if not given:
             raise RuntimeError(f"Blender did not evaluate view layer {layer.name!r} of scene {scene.name!r}")
         try:
@@ -104,7 +104,7 @@ def without_render_result() -> Iterator[None]:
 
 
 @contextmanager
-def _copy_to_render(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
+def _copy_to_render(scene: bpy.types.Scene, shown: str) -> Iterator[bpy.types.Scene]:
     copy = scene.copy()
     camera = None
     try:
@@ -114,8 +114,8 @@ def _copy_to_render(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
         render.resolution_percentage = 100
         render.use_border = render.use_compositing = render.use_sequencer = False
         render.use_multiview = render.use_freestyle = False
-        for layer in copy.view_layers:
-            layer.use = True
+        for layer in copy.view_layers:  # all that are in use would be rendered, whichever is asked for
+            layer.use = layer.name == shown
         if copy.camera is None:  # without one Blender refuses to render
             camera = bpy.data.cameras.new("Radiosity")
             copy.camera = bpy.data.objects.new("Radiosity", camera)

@@ -19,6 +19,9 @@ FREE_NORMALS = bpy.app.version >= (5, 0)
 """Shading normals can be plain vectors, and not only angles of 16 bits, which take long to find. Blender 4.5 takes
 vectors too, but its Cycles does not."""
 
+OWN_SLOTS = bpy.app.version >= (5, 0)
+"""Cycles lets an empty slot of an object hide the material that its mesh has there."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shape:
@@ -58,6 +61,16 @@ class Placed:
     polygon: Int32
     slot: Int32
     dropped: int
+
+
+def slots_of(thing: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The materials in the slots of an evaluated object, as Cycles takes them.
+
+    Where a slot of the object itself is empty, Blender says the mesh's material. Cycles shows that in 4.5, none in 5.2.
+    """
+    own = thing.original.material_slots if OWN_SLOTS else ()
+    empty = {index for index, slot in enumerate(own) if slot.link == "OBJECT" and slot.material is None}
+    return [None if index in empty else slot.material for index, slot in enumerate(thing.material_slots)]
 
 
 def read_shape(mesh: bpy.types.Mesh) -> Generator[None, None, Shape]:

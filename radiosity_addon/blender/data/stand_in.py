@@ -26,6 +26,7 @@ from .names import (
     original_material,
     original_world,
 )
+from .shapes import slots_of
 from .spline_meshes import spline_mesh
 
 LOOKS = (
@@ -82,7 +83,7 @@ class MeshPool:
 
 def materials_of(thing: bpy.types.Object) -> list[bpy.types.Material | None]:
     """The user's materials in the slots of an evaluated object or instance."""
-    return [slot.material and original_material(slot.material.original) for slot in thing.material_slots]
+    return [material and original_material(material.original) for material in slots_of(thing)]
 
 
 def set_materials(mesh: bpy.types.Mesh, materials: Sequence[bpy.types.Material | None]) -> None:

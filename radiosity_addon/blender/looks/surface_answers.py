@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import Float32, Float64, Int32
 from ..data.instances import attribute_of
+from ..data.shapes import slots_of
 from .surface_inputs import Asking, Input
 
 ABSENT = np.zeros((1, 1), np.float32)
@@ -104,7 +105,7 @@ def _read(
         case "index":
             return _everywhere(thing.pass_index)
         case "material index":
-            slots = [slot.material.pass_index if slot.material else 0 for slot in thing.material_slots] or [0]
+            slots = [material.pass_index if material else 0 for material in slots_of(thing)] or [0]
             index = np.minimum(_get(mesh.polygons, "material_index", 1, np.int32)[:, 0], len(slots) - 1)
             return np.repeat(np.float32(slots)[index], _corners(mesh))[:, None]
         case "random":

@@ -24,7 +24,7 @@ from ..data.preflight import (
     is_flat,
     is_two_sided,
 )
-from ..data.shapes import Shape, has_loops_of, read_shape, read_uv
+from ..data.shapes import Shape, has_loops_of, read_shape, read_uv, slots_of
 from ..data.shared_shapes import SharedShapes
 from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube
 from ..data.stand_in import as_rendered_unbaked
@@ -251,7 +251,7 @@ class Reading:
         shape = yield from self.shape(mesh, keep=shared)
         self.triangles += len(shape.triangles)
         check_memory(thing.name, self.triangles)
-        slots = [slot.material for slot in thing.material_slots]
+        slots = slots_of(thing)
         group = self.lights.group(thing.lightgroup)
         material = self.materials.of_slots(slots, group, thing.name)
         asking, answers = self.materials.asking(material, shape.slot), None
