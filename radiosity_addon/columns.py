@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Float32
+from .arrays import Bools, Float32
 
 
 def sums(values: Float32) -> Float32:
@@ -28,6 +28,14 @@ def dots(one: Float32, other: Float32) -> Float32:
     for column in range(1, one.shape[-1]):
         total += one[..., column] * other[..., column]
     return total
+
+
+def some(values: NDArray[Any]) -> Bools:
+    """Whether any (...) of values (..., C) is true, or not 0."""
+    found: Bools = values[..., 0] != 0
+    for column in range(1, values.shape[-1]):
+        found |= values[..., column] != 0
+    return found
 
 
 def extremes(values: NDArray[Any]) -> NDArray[Any]:

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from radiosity_addon.columns import dots, extremes, sums
+from radiosity_addon.columns import dots, extremes, some, sums
 
 VALUES = np.random.default_rng(3).normal(size=(100, 3)).astype(np.float32)
 
@@ -11,5 +11,7 @@ VALUES = np.random.default_rng(3).normal(size=(100, 3)).astype(np.float32)
 def test_columns_are_added_multiplied_and_compared_as_numpy_does_it():
     assert np.allclose(sums(VALUES), VALUES.sum(1), atol=1e-6)
     assert np.allclose(dots(VALUES, VALUES[::-1]), (VALUES * VALUES[::-1]).sum(1), atol=1e-6)
+    assert np.array_equal(some(VALUES > 1), (VALUES > 1).any(1))
+    assert np.array_equal(some(np.maximum(VALUES, 0)), (VALUES > 0).any(1))
     assert np.array_equal(extremes(VALUES), [VALUES.min(0), VALUES.max(0)])
     assert extremes(VALUES).dtype == np.float32

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..atlas.unwrap import Atlas
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import some
 from ..indices import numbers_of
 from .by_triangle import ByTriangle, FirstTriangle
 from .coverage import ScanLines, beside_charts
@@ -205,7 +206,7 @@ class Texels:
 
         A second copy of them would be what a large page can't afford.
         """
-        changed = np.flatnonzero(inside.any(1))
+        changed = np.flatnonzero(some(inside))
         parts = [
             self._leave_out(changed[start : start + TEXEL_CHUNK], inside)
             for start in range(0, len(changed), TEXEL_CHUNK)

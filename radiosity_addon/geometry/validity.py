@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks
+from ..columns import some
 from ..sampling import cosine_directions, hash_uniform
 from ..scene import Scene, SunLight
 from .surfaces import Surfaces
@@ -129,7 +130,7 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
         inside[ids, slot] = met(ids, slot)
 
     yield from in_chunks(first, texels.count, CHUNK, workers)
-    asked = np.flatnonzero(_near(inside.any(1), texels))
+    asked = np.flatnonzero(_near(some(inside), texels))
 
     def every(start: int, stop: int) -> None:
         ids = np.repeat(asked[start:stop], STRATA)
@@ -185,7 +186,8 @@ def _boxes_around(boxes: Float32, solid: Int64, least: float) -> Float32:
 
 def _within(boxes: Float32, box: Int64, points: Float32) -> Bools:
     """Whether points (R, 3) lie in the boxes (R,), of (2, C, 3), that go with them."""
-    return np.asarray(((points >= boxes[0, box]) & (points <= boxes[1, box])).all(1))
+    low, high = (corner.take(box, axis=0) for corner in boxes)
+    return ~some((points < low) | (points > high))
 
 
 def _near(chosen: Bools, texels: Texels) -> Bools:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int8, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
-from ..columns import dots
+from ..columns import dots, some
 from .texels import STRATA, Texels
 from .visibility import Hits, Visibility
 
@@ -171,13 +171,14 @@ def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibil
     def work(start: int, stop: int) -> Int64:
         path = order[start : stop + 1]
         here, there = path[:-1], path[1:]
-        pixel, part = texels.pixel[path], component[texels.triangle[path]]
+        triangle = texels.triangle[path]
+        pixel, part = texels.pixel[path], component.take(triangle)
         valid = texels.valid[path]
         wanted = (np.diff(pixel) == stride) & (part[1:] == part[:-1]) & valid[1:] & valid[:-1]
         if stride == 1:
             wanted &= pixel[1:] % texels.size != 0
-        x, y, z = np.ascontiguousarray(texels.position[path].T)
-        p, q, r = np.ascontiguousarray(texels.normal[path].T)
+        x, y, z = np.ascontiguousarray(texels.position.take(path, axis=0).T)
+        p, q, r = texels.surfaces.normals(triangle).T
         cosine = p[1:] * p[:-1] + q[1:] * q[:-1] + r[1:] * r[:-1]
         dx, dy, dz = np.diff(x), np.diff(y), np.diff(z)
         rise = dx * p[1:] + dy * q[1:] + dz * r[1:]
@@ -202,9 +203,9 @@ def _creased(texels: Texels, chosen: Int32) -> Bools:
     """(C,) bool, texels across an edge of a smooth surface: their middle lies beneath it, and sees no neighbour's."""
     mixed = np.flatnonzero(texels.footprints.seat.take(chosen) < 0)
     triangles = texels.footprints.triangles(chosen[mixed])
-    faces = texels.surfaces.normals(triangles.reshape(-1)).reshape(-1, STRATA, 3)
+    x, y, z = texels.surfaces.normals(triangles.reshape(-1)).T.reshape(3, -1, STRATA)
     creased = np.zeros(len(chosen), bool)
-    creased[mixed] = (np.einsum("csx,cx->cs", faces, faces[:, 0]) < BENT).any(1)
+    creased[mixed] = some(x * x[:, :1] + y * y[:, :1] + z * z[:, :1] < BENT)
     return creased
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32
 from ..chunks import Fractions, in_chunks, scaled
-from ..columns import sums
+from ..columns import some, sums
 from ..geometry.appearance import Appearance
 from ..geometry.footprints import STRATA
 from ..geometry.visibility import Visibility
@@ -86,13 +86,13 @@ def first_exitance(
     asked, weight = [lamps] * BACK_SAMPLES, 1 / BACK_SAMPLES
     if count >= MANY:  # each from one point
         asked, weight = [lamps.of(range(sample, count, BACK_SAMPLES)) for sample in range(BACK_SAMPLES)], 1.0
-    for sample, some in enumerate(asked):
+    for sample, few in enumerate(asked):
         samples = np.full(len(backs), sample)
         points, normals = patches.origins(backs, samples)
         stratum = patches.stratum(backs, samples)
         stand = footing(patches.texels, stratum // STRATA, stratum & (STRATA - 1), side=-1)
         seeds = backs * BACK_SAMPLES + sample
-        asking = irradiance_at(some, points, normals, visibility, BACK_SAMPLES, seeds, groups, triangle, stand)
+        asking = irradiance_at(few, points, normals, visibility, BACK_SAMPLES, seeds, groups, triangle, stand)
         received += yield from scaled(asking, sample / BACK_SAMPLES, (sample + 1) / BACK_SAMPLES)
     exitance[backs] = received * weight * patches.reflectance[backs, None, :]
     exitance += sky * patches.reflectance[:, None, :]
@@ -220,7 +220,7 @@ class Illumination:
         received[np.flatnonzero(patch < 0)] = 0
         received[:, ~light.reflecting] = 0
         emission = self.look.emission[texels]
-        shining = np.flatnonzero(emission.any(axis=1))
+        shining = np.flatnonzero(some(emission))
         received[shining, self.look.group[texels][shining]] += emission[shining]
         return received.reshape(len(patch), 3 * groups)
 
