@@ -212,7 +212,10 @@ def _indirect(
     seeds = np.repeat(hash_bits(ids * 2 + half, 11).astype(np.int64), rays)
     u, v = (even_uniform(seeds, sample, dimension) for dimension in (0, 1))
     directions = cosine_directions(texels.shading_normal.take(texel, axis=0), u, v)
-    hits = visibility.first_hit(texels.origins(texel, sample), directions, passing_chance(visibility, seeds, sample))
+    origins, triangle = texels.points(texel, sample)
+    faces = texels.surfaces.normals(triangle)
+    origins += faces * np.float32(texels.surfaces.offset)
+    hits = visibility.first_hit(origins, directions, passing_chance(visibility, seeds, sample))
     element = patches.elements(hits)
     if len(light.sky):
         left = np.flatnonzero(element == SKY)
@@ -223,7 +226,6 @@ def _indirect(
         seen[ray] += _luminance(more * np.repeat(light.passes[-1].reflecting, 3))
     if hits.tint is not None:
         seen *= hits.tint.mean(1)
-    faces = texels.surfaces.normals(texels.footprints.triangles(texel)[np.arange(len(texel)), sample & (STRATA - 1)])
     above = (dots(directions, faces) > 0).astype(np.float32)
     if texels.surfaces.bends:
         cosine = dots(directions, texels.shading_normal.take(texel, axis=0))

@@ -328,7 +328,7 @@ def part_cells(
 
         def work(start: int, stop: int) -> Bools:
             one, other = here[start:stop], there[start:stop]
-            alike = np.einsum("ij,ij->i", texels.shading_normal[one], texels.shading_normal[other]) > STEEP
+            alike = dots(*(texels.shading_normal.take(ids, axis=0) for ids in (one, other))) > STEEP
             found = hidden(texels, one, other, visibility, side=side)
             return np.asarray(np.where(alike, found, unlike))
 

@@ -29,9 +29,10 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
     seen = np.zeros(int(component.max(initial=-1)) + 1, bool)
     for start in range(0, count, BLOCK):
         chosen = start + np.flatnonzero(texels.valid[start : min(start + BLOCK, count)])
-        light = irradiance[chosen, 0]
+        groups = irradiance.take(chosen, axis=0)
+        light = groups[:, 0]
         for group in range(1, irradiance.shape[1]):
-            light += irradiance[chosen, group]
+            light += groups[:, group]
         light *= np.float32(1 / np.pi)
         pages[texels.pixel[chosen]] = light
         known[texels.pixel[chosen]] = True
@@ -86,9 +87,9 @@ def grow(image: Float32, known: Bools) -> None:
             line = np.minimum(np.maximum(row + np.int32(dy), 0), np.int32(height - 1)) * np.int32(width)
             for dx in (-1, 0, 1):
                 beside = line + np.minimum(np.maximum(column + np.int32(dx), 0), np.int32(width - 1))
-                met = np.flatnonzero(there[beside])
+                met = np.flatnonzero(there.take(beside))
                 share = np.float32(0.5 if dx and dy else 1.0)
-                total[met] += flat[beside[met]] * share
+                total[met] += flat.take(beside.take(met), axis=0) * share
                 weight[met] += share
         mean[start : start + BLOCK] = total / weight[:, None]
     flat[pixel] = mean

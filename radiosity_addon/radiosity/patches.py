@@ -136,9 +136,9 @@ class Patches:
         taking = numbers_of((front >= 0) & (self.stopping > 0))
         for part in _parts(len(taking)):
             own = taking[part]
-            found = values[own]
+            found = values.take(own, axis=0)
             if share is not None:
-                found = found * share[own].reshape(-1, *(1,) * (values.ndim - 2), 3)
+                found = found * share.take(own, axis=0).reshape(-1, *(1,) * (values.ndim - 2), 3)
             owner, weight = front[own], self.stopping[own].astype(np.float64)
             _add_sums(means, owner, weight, found.reshape(len(own), -1))
             area += np.bincount(owner, weight, self.count)
@@ -210,7 +210,7 @@ def group_patches(
             weight = stopping[own].astype(np.float64)
             area += np.bincount(patch, weight, count)
             for total, values in zip(light, (reflectance, emission), strict=True):
-                _add_sums(total, patch, weight, values[own])
+                _add_sums(total, patch, weight, values.take(own, axis=0))
     light /= np.maximum(area, 1e-30)[:, None]
 
     of_element = np.full(texels.count + count, NOTHING, np.int32)
@@ -264,13 +264,15 @@ def _cell_keys(texels: Texels, chosen: Int32, width: float, levels: Int32 | None
     keys = np.empty(len(chosen), np.int64)
     for start in range(0, len(chosen), BLOCK):
         own = chosen[start : start + BLOCK]
-        key = label[texels.triangle[own]] * 6
-        key += _facing(*np.ascontiguousarray(texels.normal[own].T))
+        triangle = texels.triangle[own]
+        key = label.take(triangle)
+        key *= 6
+        key += _facing(*surfaces.normals(triangle).T)
         finest: Float32 | np.float32 = np.float32(width)
         if levels is not None:
             key = key * (deepest + 1) + levels[own]
             finest = (coarse / (1 << levels[own])).astype(np.float32)
-        for place, least, size in zip(texels.position[own].T, low, sizes, strict=True):
+        for place, least, size in zip(texels.position.take(own, axis=0).T, low, sizes, strict=True):
             key *= size
             key += np.floor(place / finest).astype(np.int64)
             key -= least
@@ -318,7 +320,8 @@ def _layers(texels: Texels, chosen: Int32, cell: Int32, count: int, width: float
     for part in blocks:
         own = chosen[part]
         sums[6] += np.bincount(cell[part], minlength=count)
-        for row, values in enumerate((*texels.normal[own].T, *texels.position[own].T)):
+        normals = texels.surfaces.normals(texels.triangle[own])
+        for row, values in enumerate((*normals.T, *texels.position.take(own, axis=0).T)):
             sums[row] += np.bincount(cell[part], values, count)
     normal, centre = sums[:3], sums[3:6] / sums[6]
     normal /= np.maximum(np.sqrt((normal**2).sum(0)), 1e-30)
@@ -326,8 +329,9 @@ def _layers(texels: Texels, chosen: Int32, cell: Int32, count: int, width: float
     layer = np.zeros(len(chosen), np.int32)
     for part in blocks:
         own, owner = chosen[part], cell[part]
-        height = sum(axis[owner] * along for axis, along in zip(normal, texels.position[own].T, strict=True))
-        height -= level[owner]
+        places = texels.position.take(own, axis=0).T
+        height = sum(axis.take(owner) * along for axis, along in zip(normal, places, strict=True))
+        height -= level.take(owner)
         finest = width if levels is None else width / (1 << levels[own])
         layer[part] = np.rint(height / (LAYER * finest))
     return layer
