@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..arrays import Int32
+from ..columns import vectors_at
 from .footprints import Footprints
 
 
@@ -33,8 +34,11 @@ class ByTriangle:
         return found[(*over_texels, *columns)] if columns else found
 
     def take(self, texels: Any, axis: int = 0) -> Any:
-        """As of an array, along its first axis."""
-        return self.values.take(self.footprints.first(texels), axis=axis)
+        """As of an array, along its first axis. In memory the coordinates of vectors lie apart."""
+        triangle = self.footprints.first(texels)
+        if self.values.ndim == 2 and triangle.ndim == 1:
+            return vectors_at(self.values, triangle)
+        return self.values.take(triangle, axis=axis)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         return self[:].astype(dtype, copy=False)

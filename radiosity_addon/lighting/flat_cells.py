@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
+from ..columns import vectors_at
 from ..geometry.coverage import ragged
 from ..geometry.surfaces import PLANES_APART
 from ..geometry.texels import Texels
@@ -96,7 +97,7 @@ class FlatCells:
         place = np.empty((2, len(order)), np.float32)
         for begin in range(0, len(order), CHUNK):
             part = slice(begin, begin + CHUNK)
-            position = rows_of(texels.position[order[part]])
+            position = vectors_at(texels.position, order[part]).T
             for own, axis in zip(place, (along, across), strict=True):
                 own[part] = dot(position, rows_of(axis[plane[part]]))
         whole = _about(place, first, np.append(first[1:], len(order))[: len(first)], plane[first])

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks
+from ..columns import vectors_at
 from ..geometry.coverage import ragged
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
@@ -98,8 +99,8 @@ class LightNodes:
         """Weights (P, 1 + AROUND) of nodes in a plane fitted around each texel (P,); they add up to 1."""
         node = self._of_texel[texels]
         near = self.near[node]
-        places = rows_of(self.texels.position[texels])
-        normal = rows_of(self.texels.normal[texels])
+        places = vectors_at(self.texels.position, texels).T
+        normal = rows_of(self.texels.normal.take(texels))
         gap = [self._place[k].take(near) - places[k][:, None] for k in range(3)]
         s, t, off = (
             dot(gap, [row[:, None] for row in axis]) / self.width[node][:, None] for axis in (*basis(normal), normal)
@@ -123,7 +124,7 @@ class LightNodes:
 
     @cached_property
     def _place(self) -> Float32:
-        return rows_of(self.texels.position[self.texel])
+        return vectors_at(self.texels.position, self.texel).T
 
 
 def place_nodes(texels: Texels, visibility: Visibility, spacing: float, workers: int) -> Fractions[LightNodes]:

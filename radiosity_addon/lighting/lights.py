@@ -18,6 +18,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled, side_by_side
+from ..columns import vectors_at
 from ..geometry.surfaces import Surfaces
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
@@ -333,7 +334,7 @@ def _probe(
         ids = start + np.flatnonzero(texels.valid[start:stop])
         if not len(ids):
             return
-        points, shading = (rows.take(ids, axis=0) for rows in (texels.position, texels.shading_normal))
+        points, shading = (vectors_at(rows, ids) for rows in (texels.position, texels.shading_normal))
         receivers = Receivers.of(texels, ids)
         horizon = None if len(receivers.normals) == 1 else receivers.normals[1].T
         origins, footing = receivers.origins(texels, 0, count)
@@ -347,7 +348,7 @@ def _probe(
             for index, own in zip(members, light, strict=True):
                 batch.keep_to_receivers(index, own, triangle)
                 bend_light(batch.lamps[index], own, points, receivers.normals, texels.surfaces, triangle)
-                probes.light[index, ids] = own
+                probes.light[index][ids] = own
             lit = np.flatnonzero(brightest(light) > 0)
             if not lamp.shadow or not len(lit):
                 continue

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import vectors_at
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
 from ..sampling import hash_bits, hash_uniform
@@ -170,14 +171,14 @@ class _Stand:
 
     @classmethod
     def of(cls, texels: Texels, texel: Int64) -> _Stand:
-        shading = texels.shading_normal[texel]
+        shading = vectors_at(texels.shading_normal, texel)
         normal = horizons(texels, texel, shading)
         horizon = None if np.array_equal(shading, normal) else normal
         normals = [rows_of(part) for part in (shading, horizon) if part is not None]
         places = np.repeat(texel, STRATA), np.tile(np.arange(STRATA), len(texel))
         origins = rows_of(texels.origins(*places))
         triangle, stand = texels.surfaces.front[texels.triangle[texel]], footing(texels, *places)
-        return cls(texel, triangle, texels.position[texel], shading, horizon, normals, origins, stand)
+        return cls(texel, triangle, vectors_at(texels.position, texel), shading, horizon, normals, origins, stand)
 
     def ask(
         self, lamp: Lamp, number: int, faces: OwnFaces, visibility: Visibility

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
+from ..columns import vectors_at
 from .area_lamps import PanelLamp
 from .emitter_tree import Blocks, EmitterTree
 from .lamp_samples import dot, outside
@@ -60,7 +61,7 @@ class MeshLamp(PanelLamp):
             slots = np.arange(-(-len(own) // BLOCK) * BLOCK).reshape(-1, BLOCK)
             own = own[np.minimum(slots, len(own) - 1)]  # the last one fills its block
             normals = [shading] if geometric is None else [shading, geometric]
-            p, *normals = (np.ascontiguousarray(part[own].transpose(2, 0, 1)) for part in (points, *normals))
+            p, *normals = (vectors_at(part, own.reshape(-1)).T.reshape(3, -1, BLOCK) for part in (points, *normals))
             total[:, own] = self._of_blocks(channels, p, normals)
         return total
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Bools, Float32, Int64
+from ..arrays import Bools, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import vectors_at
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
 from .lamp_samples import basis, dot, rows_of
@@ -65,10 +66,7 @@ def trace_shares(
         found.append((yield from scaled(tracing, 0, 0.8)))
     if lamp.extended:
         penumbra = np.concatenate(found)
-        for channel, (shares, variances) in enumerate(zip(share, noise, strict=True)):
-            steps = smooth_penumbrae(texels, penumbra, shares, variances, lit, workers)
-            low, high = (0.8 + 0.2 * each / len(share) for each in (channel, channel + 1))
-            yield from scaled(steps, low, high)
+        yield from scaled(smooth_penumbrae(texels, penumbra, share, noise, lit, workers), 0.8, 1)
 
 
 def smooth_penumbrae(
@@ -81,28 +79,30 @@ def smooth_penumbrae(
 
     Args:
         partly: (N,) int64, texels to treat
-        ratio: (T,) float32, visible shares, changed in place
-        noise: (T,) float32, variances of `ratio`
+        ratio: (C, T) float32, visible shares, changed in place
+        noise: (C, T) float32, variances of `ratio`
         lit: (T,) bool, texels that the unshadowed lamp shines on
     """
     shares = np.where(lit & texels.valid, ratio, NO_SHARE)
 
     def work(start: int, stop: int) -> None:
         ids = partly[start:stop]
-        ratio[ids] = _fitted(texels, ids, shares, noise)
+        ratio[:, ids] = _fitted(texels, ids, shares, noise)
 
     return in_chunks(work, len(partly), CHUNK, workers)
 
 
 def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Float32:
-    position, normal = rows_of(texels.position.take(ids, axis=0)), rows_of(texels.normal.take(ids))
-    pixel = texels.pixel[ids]
-    own = shares[ids]
-    area = texels.area[ids]
+    """Shares (C, B) at texels (B,), fitted where shares (C, T) around them lie on a plane."""
+    position, triangle = vectors_at(texels.position, ids).T, texels.triangle[ids]
+    normal = rows_of(texels.surfaces.normals(triangle))
+    pixel, area = texels.pixel[ids], texels.area[ids]
+    own, variance = shares.take(ids, axis=1), noise.take(ids, axis=1)
     result = own.copy()
-    moments = np.zeros((10, len(ids)), np.float32)
-    variance = noise[ids]
-    moments[0] = 1  # the texel itself; shares are taken relative to its own
+    geometry = np.zeros((6, len(ids)), np.float32)
+    geometry[0] = 1  # the texel itself; shares are taken relative to its own
+    values = np.zeros((4, *own.shape), np.float32)
+    fits = np.ones(own.shape, bool)
     left = np.arange(len(ids))
     for reach in range(1, REACH + 1):
         frame = *basis(normal), normal
@@ -110,11 +110,11 @@ def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Floa
         inner = (row >= reach) & (row < texels.size - reach) & (column >= reach) & (column < texels.size - reach)
         for dy, dx in _ring(reach):
             other = texels.texel_at.take(pixel + (dy * texels.size + dx), mode="clip")
-            share = shares.take(other)
-            used = (share >= 0) & (other >= 0)
+            share = shares.take(other, axis=1)
+            used = (share[0] >= 0) & (other >= 0)
             if not inner.all():
                 used &= (row + dy >= 0) & (row + dy < texels.size) & (column + dx >= 0) & (column + dx < texels.size)
-            gap = rows_of(texels.position.take(other, axis=0))
+            gap = vectors_at(texels.position, other).T
             gap -= position
             s, t, off = (dot(gap, axis) for axis in frame)
             off *= off
@@ -123,18 +123,36 @@ def _fitted(texels: Texels, ids: Int64, shares: Float32, noise: Float32) -> Floa
             used &= off <= np.float32(THICK**2) * square
             square += off
             used &= square <= np.float32(APART**2 * (dx * dx + dy * dy)) * np.maximum(texels.area.take(other), area)
-            used &= dot(rows_of(texels.normal.take(other)), normal) > np.float32(FLAT)
-            share -= own
+            _keep_alike(used, texels, other, triangle)
             weight = used.astype(np.float32)
-            variance += noise.take(other) * weight
-            _accumulate(moments, weight, s, t, share)
-        value, residual = _plane(moments)
-        good = np.flatnonzero(residual < np.float32(TRUST) * variance / moments[0])
-        result[left[good]] = np.clip(own + value, 0, 1)[good]
-        left, pixel = left[good], pixel[good]
-        own, area, variance = own[good], area[good], variance[good]
-        position, normal, moments = position[:, good], normal[:, good], moments[:, good]
+            s *= weight
+            t *= weight
+            for total, part in zip(geometry, (weight, s, t, s * s, s * t, t * t), strict=True):
+                total += part
+            for k, each in enumerate(share):
+                variance[k] += noise[k].take(other) * weight
+                each -= own[k]
+                each *= weight
+                for total, factor in zip(values[:, k], (weight, s, t, each), strict=True):
+                    total += each * factor
+        value, residual = _plane(geometry, values)
+        fits &= residual < np.float32(TRUST) * variance / geometry[0]
+        for k, good in enumerate(fits):
+            result[k, left[good]] = np.clip(own[k] + value[k], 0, 1)[good]
+        on = np.flatnonzero(fits.any(0))
+        left, pixel, triangle, area = left[on], pixel[on], triangle[on], area[on]
+        position, normal, geometry = (rows.take(on, axis=1) for rows in (position, normal, geometry))
+        own, variance, fits, values = (rows.take(on, axis=-1) for rows in (own, variance, fits, values))
     return result
+
+
+def _keep_alike(used: Bools, texels: Texels, other: Int32, triangle: Int32) -> None:
+    """Of texels `other` (B,) that are `used` keep those, in place, that face as triangles (B,) do."""
+    there = texels.triangle[other]
+    asked = np.flatnonzero(used & (there != triangle))
+    if len(asked):
+        normals = (rows_of(texels.surfaces.normals(each[asked])) for each in (there, triangle))
+        used[asked] = dot(*normals) > np.float32(FLAT)
 
 
 def _ring(reach: int) -> list[tuple[int, int]]:
@@ -143,19 +161,15 @@ def _ring(reach: int) -> list[tuple[int, int]]:
     return [(dy, dx) for dy in span for dx in span if max(abs(dy), abs(dx)) == reach]
 
 
-def _accumulate(moments: Float32, weight: Float32, s: Float32, t: Float32, value: Float32) -> None:
-    """Add neighbours (B,) of weight 0 or 1 at tangent coordinates s, t to the sums that a plane's fit needs."""
-    moments[0] += weight
-    s, t, value = (np.where(weight > 0, part, 0) for part in (s, t, value))
-    for index, part in ((1, s), (2, t), (6, value)):
-        moments[index] += part
-    for index, one, two in ((3, s, s), (4, s, t), (5, t, t), (7, value, s), (8, value, t), (9, value, value)):
-        moments[index] += one * two
+def _plane(geometry: Float32, values: Float32) -> tuple[Float32, Float32]:
+    """Planes' values (C, B) at the origin, and mean squared residuals per degree of freedom, infinite if undefined.
 
-
-def _plane(moments: Float32) -> tuple[Float32, Float32]:
-    """A plane's value at the origin and its mean squared residual per degree of freedom; infinite where undefined."""
-    n, s, t, ss, st, tt, v, vs, vt, vv = moments
+    Args:
+        geometry: (6, B) of places s, t with weights 0 or 1 the number and the sums of s, t, s s, s t, t t
+        values: (4, C, B) of values there the sums, plain, times s, times t and squared
+    """
+    n, s, t, ss, st, tt = geometry
+    v, vs, vt, vv = values
     a, b, c = ss - s * s / n, st - s * t / n, tt - t * t / n
     x, y = vs - s * v / n, vt - t * v / n
     determinant = a * c - b * b

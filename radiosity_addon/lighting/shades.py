@@ -127,7 +127,7 @@ def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fraction
     bands = -(-size // BAND)
     near = Shades(np.empty_like(shades.low), np.empty_like(shades.high))
     if texels.count * SPARSE < len(texels.texel_at):
-        return (yield from _pooled_sparsely(shades, texels, reach, workers))
+        return (yield from pooled_at(shades, texels, np.arange(texels.count), reach, workers))
 
     def work(start: int, stop: int) -> None:
         page, band = divmod(start, bands)
@@ -149,23 +149,27 @@ def pooled(shades: Shades, texels: Texels, reach: int, workers: int) -> Fraction
     return near
 
 
-def _pooled_sparsely(shades: Shades, texels: Texels, reach: int, workers: int) -> Fractions[Shades]:
-    """As `pooled`, by looking around each texel: pages may hold few."""
+def pooled_at(shades: Shades, texels: Texels, ids: Int64, reach: int, workers: int) -> Fractions[Shades]:
+    """As `pooled`, of texels `ids` (N,) alone, by looking around each: for few, or where pages hold few."""
     size = texels.size
     low, high = np.append(shades.low, np.uint8(255)), np.append(shades.high, np.uint8(0))
-    near = Shades(shades.low.copy(), shades.high.copy())
+    near = Shades(shades.low[ids], shades.high[ids])
     span = range(-reach, reach + 1)
 
     def work(start: int, stop: int) -> None:
-        pixel = texels.pixel[start:stop]
+        pixel = texels.pixel[ids[start:stop]]
         row, column = (pixel // size) % size, pixel % size
+        inner = (row >= reach) & (row < size - reach) & (column >= reach) & (column < size - reach)
+        rim = np.flatnonzero(~inner)
+        row, column = row[rim], column[rim]
         for dy, dx in ((dy, dx) for dy in span for dx in span):
             other = texels.texel_at.take(pixel + (dy * size + dx), mode="clip")
-            other[(row + dy < 0) | (row + dy >= size) | (column + dx < 0) | (column + dx >= size)] = -1
+            beyond = (row + dy < 0) | (row + dy >= size) | (column + dx < 0) | (column + dx >= size)
+            other[rim[beyond]] = -1
             np.minimum(near.low[start:stop], low.take(other), out=near.low[start:stop])
             np.maximum(near.high[start:stop], high.take(other), out=near.high[start:stop])
 
-    yield from in_chunks(work, texels.count, SPARSE_CHUNK, workers)
+    yield from in_chunks(work, len(ids), SPARSE_CHUNK, workers)
     return near
 
 

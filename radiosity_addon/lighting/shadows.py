@@ -10,12 +10,13 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import vectors_at
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Visibility
 from .companies import ColorLamps, brightest
 from .lamp_samples import cosine_above, lattice_generators, normals_of, pixel_shifts, rows_of, shifted
 from .lamps import Lamp
-from .shades import Shades, pooled, shade_codes
+from .shades import Shades, pooled_at, shade_codes
 from .terminator import Footing, footing, horizons
 
 TRACE_CHUNK = 1 << 12
@@ -39,6 +40,9 @@ EVEN = 1e-6
 FIRST = 3
 """One of so many samples comes first; where neighbours agree on them, the others are not needed."""
 
+FEW = FIRST * STRATA
+"""So few samples are traced in one go, as asking twice takes longer, but where light is dimmed: see `Tally.spread`."""
+
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
@@ -59,7 +63,7 @@ class Receivers:
     @classmethod
     def of(cls, texels: Texels, ids: Int64) -> Receivers:
         """The receivers at texels `ids`. Neighbours differ in their samples so that they complement each other."""
-        shading = texels.shading_normal.take(ids, axis=0)
+        shading = vectors_at(texels.shading_normal, ids)
         normal = horizons(texels, ids, shading)
         pixel = texels.pixel[ids].astype(np.int64)
         return cls(
@@ -262,7 +266,8 @@ def trace_partly(
 ) -> Fractions[Int64]:
     """Trace up to `count` shadow rays from each of the texels `partly`: share seen to `ratio`, its variance to `noise`.
 
-    A first third of the rays shows where a texel and all those around it agree; only the others trace the rest.
+    If they are many a first third of the rays shows where a texel and all those around it agree; only the others trace
+    the rest.
 
     Args:
         partly: (N,) int64
@@ -273,7 +278,8 @@ def trace_partly(
     """
     rays = whole_groups(count / (1 - lamp.hidden_share)) if lamp.extended else min(count, EDGE_RAYS)
     groups = sample_groups(rays, STRATA)
-    early = len(groups) // FIRST if stages(rays) > 1 else len(groups)
+    parted = stages(rays) > 1 and (rays > FEW or visibility.dims)
+    early = len(groups) // FIRST if parted else len(groups)
     slopes = lattice_generators(texels.pixel[partly], rays)
     tally = Tally.none(lamp, len(partly), len(ratio))
 
@@ -302,8 +308,8 @@ def trace_partly(
         code = shade_codes(ratio)
         low, high = np.where(mixed, 0, code), np.where(mixed, 255, code)
         low[~lit], high[~lit] = 255, 0
-        near = yield from scaled(pooled(Shades(low, high), texels, 1, workers), 0.3, 0.3)
-        chosen = np.flatnonzero(near.disagree()[partly])
+        near = yield from scaled(pooled_at(Shades(low, high), texels, partly, 1, workers), 0.3, 0.3)
+        chosen = np.flatnonzero(near.disagree())
         first = tally.only(chosen)
         yield from scaled(trace(chosen, early, len(groups)), early / len(groups), 1)
         ratio[:, partly] = tally.share()
@@ -313,8 +319,8 @@ def trace_partly(
             noise[:, partly[chosen]] = np.maximum(noise[:, partly[chosen]], spread)
             uneven = np.zeros(texels.count, np.uint8)
             uneven[partly[chosen]] = (spread > UNEVEN**2).any(0)
-            near = yield from scaled(pooled(Shades(uneven, uneven), texels, 1, workers), 1, 1)
-            again = chosen[near.high[partly[chosen]] > 0]
+            near = yield from scaled(pooled_at(Shades(uneven, uneven), texels, partly[chosen], 1, workers), 1, 1)
+            again = chosen[near.high > 0]
             for turn in range(1, AGAIN + 1):
                 yield from scaled(trace(again, 0, len(groups), turn), 1, 1)
             ratio[:, partly[again]] = tally.only(again).share()

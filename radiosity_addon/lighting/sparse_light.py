@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int64
 from ..chunks import Fractions, in_chunks, scaled
+from ..columns import vectors_at
 from ..geometry.texels import Texels
 from .flat_cells import FlatCells, Rectangles
 from .lamp_samples import TINY
@@ -112,10 +113,10 @@ def light_of_tree(
 
     def ask(first: int, last: int) -> None:
         some = alone[first:last]
-        shading = texels.shading_normal.take(some, axis=0)
+        shading = vectors_at(texels.shading_normal, some)
         normal = horizons(texels, some, shading)
         bent = None if np.array_equal(shading, normal) else normal
-        total[:, some] = lamp.in_channels(channels, texels.position.take(some, axis=0), shading, bent)
+        total[:, some] = lamp.in_channels(channels, vectors_at(texels.position, some), shading, bent)
 
     yield from scaled(in_chunks(ask, len(alone), ALONE, workers), 0.5, 1)
     return total
