@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
-from ..chunks import Fractions, in_chunks
+from ..chunks import Fractions, in_chunks, scaled
 from ..columns import dots
 from ..geometry.surfaces import Surfaces
 from ..geometry.texels import STRATA, Texels
@@ -31,9 +31,16 @@ CHUNK = 1 << 13
 """Texels that look for their own emitter in one go, STRATA rays of each at a time."""
 
 RAYS = 6
-"""Rays of a texel for each shadow ray that it would send into a penumbra: they look all around, and no fit helps.
+"""Rays of a texel for each shadow ray that it would send into a penumbra: they look all around.
 
-A fit over neighbours takes their noise to be known, and where few rays see the emitter it is not: 1.4 % were missing.
+They are not fitted as penumbrae are: that takes their noise to be known, and where few rays see the emitter it is not:
+1.4 % were missing. The mean over neighbours at opposite sides asks nothing.
+"""
+
+LEVEL, FACETS = np.float32(0.998), np.float32(0.99)
+"""Least cosines, between a texel and neighbours that share their light, of shading normals and of those of faces.
+
+Over a surface that bends by 3.6 degrees from texel to texel the mean of 3 x 3 errs by 0.3 %.
 """
 
 RISE = 1e-4
@@ -166,6 +173,7 @@ def add_own_light(
         return
     groups = sample_groups(whole_groups(RAYS * rays), STRATA)
     count = len(groups) * STRATA
+    shares = np.empty((own.channels(visibility), len(ids)), np.float32)
 
     def look(start: int, stop: int) -> None:
         part = ids[start:stop]
@@ -185,10 +193,50 @@ def add_own_light(
             chance = passing_chance(visibility, every, sample)
             found = own.seen(triangle, points, shading, faces, u, v, visibility, chance)
             sums += found.reshape(len(sums), STRATA, -1).sum(1)
-        light = own.irradiance(front[part], (sums / count).astype(np.float32))
+        shares[:, start:stop] = sums / count
+
+    yield from scaled(in_chunks(look, len(ids), CHUNK, workers), 0, 1)
+    number = np.full(len(texels.texel_at), -1, np.int32)
+    number[texels.pixel[ids]] = np.arange(len(ids), dtype=np.int32)
+
+    def add(start: int, stop: int) -> None:
+        part = ids[start:stop]
+        light = own.irradiance(front[part], _even(shares, np.arange(start, stop), ids, number, texels))
         total[part, own.group[own.emitter[front[part]]]] += light
 
-    yield from in_chunks(look, len(ids), CHUNK, workers)
+    yield from scaled(in_chunks(add, len(ids), CHUNK, workers), 1, 1)
+
+
+def _even(shares: Float32, chosen: Int64, ids: Int64, number: Int32, texels: Texels) -> Float32:
+    """Means (C, K) of shares (C, P) over pairs of opposite neighbours on the page and the `chosen` (K,) between them.
+
+    What changes evenly across a texel is left as it is.
+
+    Args:
+        ids: (P,) texels of the shares
+        number: (pixels,) which of them each pixel is, -1 for none
+    """
+    surfaces, texel = texels.surfaces, ids[chosen]
+    component = surfaces.component[texels.triangle[texel]]
+    shading, faces = texels.shading_normal.take(texel, axis=0), texels.normal.take(texel)
+    column = texels.pixel[texel] % texels.size
+
+    def beside(step: int) -> tuple[Int32, Bools]:
+        other = number.take(texels.pixel[texel] + step, mode="clip")
+        there = ids[other]
+        alike = (other >= 0) & (surfaces.component[texels.triangle[there]] == component)
+        alike &= np.abs(texels.pixel[there] % texels.size - column) <= 1
+        alike &= dots(texels.shading_normal.take(there, axis=0), shading) > LEVEL
+        alike &= dots(texels.normal.take(there), faces) > FACETS
+        return other, alike
+
+    total, count = shares[:, chosen].copy(), np.ones(len(chosen), np.float32)
+    for step in (1, texels.size - 1, texels.size, texels.size + 1):
+        (ahead, first), (behind, second) = beside(step), beside(-step)
+        both = np.flatnonzero(first & second)
+        total[:, both] += shares[:, ahead[both]] + shares[:, behind[both]]
+        count[both] += 2
+    return total / count
 
 
 def own_irradiance_at(
