@@ -88,6 +88,16 @@ def mean_pane_transmittance(ior: float) -> float:
     return float(weight @ pane_transmittance(cosine, ior))
 
 
+def mean_fresnel(ior: float) -> float:
+    """Share of uniform hemispherical light that a smooth dielectric reflects.
+
+    Args:
+        ior: index of refraction, at least 1
+    """
+    cosine, weight = _directions()
+    return float(weight @ dielectric_fresnel(ior, np.ones(3))(cosine)[:, 0])
+
+
 def glossy_albedo(roughness: float, fresnel: Fresnel, multiscatter: bool = True) -> Float64:
     """Share of uniform hemispherical light that the layer reflects, (3,) in 0..1.
 

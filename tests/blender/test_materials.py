@@ -11,6 +11,7 @@ import pytest
 
 from radiosity_addon.blender.looks.materials import read_material
 from radiosity_addon.blender.looks.nodes import LinkCycle
+from radiosity_addon.blender.looks.surface_inputs import Asking
 from radiosity_addon.errors import SceneError
 from radiosity_addon.scene import MAX_REFLECTANCE, Material
 from tests.blender.read_trees import Tree, rgb
@@ -304,17 +305,32 @@ def test_a_tree_that_feeds_back_is_told_from_a_deep_one():
         tree.read()
 
 
+def test_a_tree_that_tells_backs_from_fronts_says_that_a_bake_does_not():
+    tree = Tree()
+    mix = tree.node("MixShader")
+    tree.link(tree.node("NewGeometry"), mix, 0, "Backfacing")
+    tree.link(tree.node("Emission"), mix, 1)
+    tree.show(mix)
+    assert Asking.of(tree.tree).unanswered == ("Geometry tells no backs from fronts: both look as the front",)
+
+
 # Cycles as judge
 
 
-def cycles_furnace(make: Callable[[Tree], None]) -> float:
-    """Radiance that meets the wall of a closed sphere whose wall emits 1: about 1 / (1 - reflectance)."""
+def cycles_furnace(make: Callable[[Tree], None], fronts: bool = False) -> float:
+    """Radiance that meets the wall of a closed sphere whose wall emits 1: about 1 / (1 - reflectance).
+
+    Args:
+        fronts: the wall is seen from its front, not from its back
+    """
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_adaptive_sampling = 64, False
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 64
     scene.cycles.sample_clamp_indirect = scene.cycles.blur_glossy = 0
     bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48)
+    if fronts:
+        bpy.context.object.data.flip_normals()
     wall = Tree("wall")
     make(wall)
     bpy.context.object.data.materials.append(wall.material)
@@ -359,3 +375,33 @@ def test_a_principleds_reflectance_is_what_cycles_returns_in_a_furnace(inputs):
     record = Tree("read")
     wall(record)
     assert 1 - 1 / cycles_furnace(wall) == pytest.approx(record.read().reflectance[0], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "inputs"),
+    [
+        ("Fresnel", "Fac", {"IOR": 1.8}),
+        ("LayerWeight", "Fresnel", {"Blend": 0.4}),
+        ("LayerWeight", "Facing", {"Blend": 0.3}),
+        ("LayerWeight", "Facing", {"Blend": 0.8}),
+    ],
+)
+def test_what_changes_with_the_angle_of_view_counts_as_its_mean_in_a_furnace(kind, output, inputs):
+    """In a sphere light meets the wall at the angle at which it left the wall: all of them count alike."""
+
+    def wall(tree: Tree) -> None:
+        angle = tree.node(kind, **inputs)
+        mix = tree.node("MixShader")
+        tree.link(angle, mix, 0, output)
+        tree.link(tree.node("BsdfDiffuse", Color=(0.8, 0.8, 0.8)), mix, 1)
+        tree.link(tree.node("BsdfDiffuse", Color=(0.2, 0.2, 0.2)), mix, 2)
+        both = tree.node("AddShader")
+        tree.link(mix, both, 0)
+        tree.link(tree.node("Emission", Color=(1, 1, 1), Strength=1.0), both, 1)
+        tree.show(both)
+
+    record = Tree("read")
+    wall(record)
+    found = record.read()
+    assert found.varies == frozenset()
+    assert 1 - 1 / cycles_furnace(wall, fronts=True) == pytest.approx(found.reflectance[0], abs=0.01)

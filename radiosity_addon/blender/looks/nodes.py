@@ -11,6 +11,7 @@ import numpy as np
 
 from ...arrays import Float64
 from ...color.spaces import REC709
+from ...microfacet import mean_fresnel
 from ..data.working_space import blackbody_color, working_space
 
 Groups: TypeAlias = tuple[bpy.types.ShaderNodeGroup, ...]
@@ -27,6 +28,10 @@ LIGHT_PATH = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0}
 
 SHADOW_PATH = {"Is Shadow Ray": 1.0}
 """The same of rays that ask how much light a surface lets through."""
+
+
+SEE_ANGLES = ("FRESNEL", "LAYER_WEIGHT")
+"""Types of nodes whose outputs depend on the direction from which a surface is seen."""
 
 
 class LinkCycle(Exception):
@@ -85,7 +90,27 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
     if end.node.type == "BLACKBODY":
         kelvin = known(end.node.inputs["Temperature"], groups)
         return None if kelvin is None else blackbody_color(float(kelvin[0]))
+    if end.node.type in SEE_ANGLES:
+        return from_all_around(end, groups)
     return np.full(3, path.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
+
+
+def from_all_around(output: bpy.types.NodeSocket, groups: Groups = ()) -> Float64 | None:
+    """What a node that gives more or less by the angle at which it is seen gives to uniform light, on average.
+
+    So much counts of it in light that falls on a surface, or leaves it, in all directions.
+    """
+    asked = known(output.node.inputs["IOR" if output.node.type == "FRESNEL" else "Blend"], groups)
+    if asked is None:
+        return None
+    value = float(asked[0])
+    if output.node.type == "FRESNEL":
+        return np.full(3, mean_fresnel(max(value, 1.0)))
+    blend = min(max(value, 0.0), 1 - 1e-5)
+    if output.name == "Fresnel":
+        return np.full(3, mean_fresnel(1 / (1 - blend)))
+    exponent = 2 * blend if blend < 0.5 else 0.5 / (1 - blend)  # as in Cycles, svm/fresnel.h: 1 - cosine^exponent
+    return np.full(3, exponent / (2 + exponent))
 
 
 def _falloff(output: bpy.types.NodeSocket, groups: Groups) -> Float64 | None:

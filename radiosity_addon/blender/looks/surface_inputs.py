@@ -56,7 +56,14 @@ class Asking:
             inputs=frozenset(linked | unlinked),
             own_space=any(map(_asks_own_space, nodes)),
             islands=any(map(_asks_islands, nodes)),
-            unanswered=tuple(f"{node.name} {UNANSWERED[node.type]}" for node in nodes if node.type in UNANSWERED),
+            unanswered=(
+                *(f"{node.name} {UNANSWERED[node.type]}" for node in nodes if node.type in UNANSWERED),
+                *(
+                    f"{node.name} tells no backs from fronts: both look as the front"
+                    for node in nodes
+                    if _asks_side(node)
+                ),
+            ),
         )
 
 
@@ -108,6 +115,10 @@ def _asks_own_space(node: bpy.types.Node) -> bool:
 
 def _asks_islands(node: bpy.types.Node) -> bool:
     return node.type == "NEW_GEOMETRY" and bool(node.outputs["Random Per Island"].is_linked)
+
+
+def _asks_side(node: bpy.types.Node) -> bool:
+    return node.type == "NEW_GEOMETRY" and bool(node.outputs["Backfacing"].is_linked)
 
 
 def ask_attributes(

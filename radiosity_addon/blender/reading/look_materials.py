@@ -11,7 +11,7 @@ import bpy
 from ...shading import Quantity
 from ..data.names import BAKE_KEY
 from ..looks.materials import tree_of
-from ..looks.nodes import LIGHT_PATH, SHADOW_PATH
+from ..looks.nodes import LIGHT_PATH, SEE_ANGLES, SHADOW_PATH, from_all_around
 from ..looks.preview_nodes import Color, Look, ShaderReader
 from ..looks.surface_inputs import Input, ask_attributes
 
@@ -74,6 +74,11 @@ class LookMaterials:
             if node.type == "LIGHT_PATH":
                 for output in node.outputs:
                     _hold(tree, output, values.get(output.name, 0.0))
+            elif node.type in SEE_ANGLES:
+                for output in node.outputs:
+                    mean = from_all_around(output)
+                    if mean is not None:
+                        _hold(tree, output, float(mean[0]))
             elif node.type == "GROUP" and node.node_tree is not None:
                 node.node_tree = self._group(node.node_tree)
 
