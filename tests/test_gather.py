@@ -82,6 +82,26 @@ def test_a_sum_is_the_same_for_any_number_of_threads() -> None:
     assert np.array_equal(finish(rays.sum(table, 1)), finish(rays.sum(table, 2)))
 
 
+def test_what_comes_from_afar_is_told_from_the_rest() -> None:
+    """Of four pilots one met nothing and two got far, and so did the one guided ray."""
+    table = np.float32([[1, 2, 3], [4, 4, 4], [0, 0, 0], [0, 0, 0], [0, 0, 0]])
+    rays = Tally(
+        np.int32([[0, 1, 1, NOTHING, 0]]),
+        np.full((1, 5), np.pi / 4, np.float32),
+        RayCounts(4, 1),
+        np.zeros(1, bool),
+        far=np.array([[False, True, True, False, True]]),
+    )
+    total, far = finish(rays.sum_apart(summed(table), 1))
+    assert total == pytest.approx(finish(rays.sum(summed(table), 1)))
+    assert total[0] == pytest.approx(np.pi / 4 * np.float32([2 + 8, 4 + 8, 6 + 8]), rel=1e-5)
+    missing = (2 / 3 * np.pi - 3 / 4 * np.pi) / 2  # of each pilot that got far; of level (1 + 2 + 3 + 2 * 12) / 3
+    dim = 10 / 12
+    expected = np.pi / 4 * np.float32([1 + 8, 2 + 8, 3 + 8]) + missing * dim * 8
+    assert far.irradiance[0] == pytest.approx(expected, rel=1e-5)
+    assert far.openness == pytest.approx(2 / 3)
+
+
 def test_no_points_give_no_light() -> None:
     rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), RayCounts(3, 1), np.zeros(0, bool))
     assert finish(rays.sum(np.zeros((3, 7), np.float32), 1)).shape == (0, 6)

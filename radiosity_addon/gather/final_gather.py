@@ -19,6 +19,7 @@ from ..geometry.visibility import Visibility
 from ..radiosity.illumination import Illumination
 from ..radiosity.patches import Patches
 from ..settings import BakeSettings
+from .far_light import FAR, smooth_far_light
 from .gather_points import coarsest_width, part_at_walls, place_points
 from .gather_rays import GatherRays
 from .gleams import Gleams
@@ -49,7 +50,7 @@ def final_gather(
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
     bright = yield from scaled(light.brightness(patches, workers, settings.light_groups), 0.0, 0.0)
-    rays = GatherRays(texels, patches, visibility, settings, bright, gleams)
+    rays = GatherRays(texels, patches, visibility, settings, bright, gleams, FAR * base)
     del bright
     placing = place_points(texels, lit, base, steps.gather_split, texel_width, rays, workers)
     points = yield from scaled(placing, 0.0, 0.3)
@@ -60,7 +61,7 @@ def final_gather(
         low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
         known = irradiance if number else None
         table = yield from scaled(light.radiance(number, patches, workers, known, points.cell), low, low)
-        irradiance = yield from scaled(tally.sum(table, workers), low, high)
+        irradiance, far = yield from scaled(tally.sum_apart(table, workers), low, high)
         if tally.gleams is not None:
             irradiance += tally.gleams * np.repeat(light.passes[number].reflecting, 3)
         del table
@@ -68,5 +69,7 @@ def final_gather(
             gathered(irradiance, points.cell)
     del tally
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
+    smoothing = smooth_far_light(irradiance, far, texels, points, neighbours, workers)
+    irradiance = yield from scaled(smoothing, 0.8, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)
     return fitted.reshape(texels.count, -1, 3)

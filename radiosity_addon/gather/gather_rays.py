@@ -21,6 +21,7 @@ from ..radiosity.illumination import SPECIAL_ROWS
 from ..radiosity.patches import NOTHING, SKY, Patches
 from ..sampling import cosine_directions, even_rows
 from ..settings import BakeSettings
+from .far_light import FarLight
 from .gather_points import GatherPoints, cell_keys
 from .gleams import Gleams
 from .guiding import BINS, direction_bins, directions_in, draw_bins, pool, sweep_starts
@@ -74,6 +75,7 @@ class Tally:
         fine: (P,) bool, points that sent only part of them
         tints: (P, R, 3) float16, what colours the light on the way of a ray; None: nothing
         gleams: (P, C) float32, W/m2, what gloss adds to the irradiance of all elements; None: nothing
+        far: (P, R) bool, rays that met what is far away, or left; None: none of them
     """
 
     elements: Int32
@@ -82,15 +84,28 @@ class Tally:
     fine: Bools
     tints: Float16 | None = None
     gleams: Float32 | None = None
+    far: Bools | None = None
 
     def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
-        """Irradiance (P, C), W/m2, under radiances `table` (elements, C + 1), the last column the sum of the others.
+        """Irradiance (P, C), W/m2, under radiances `table` (elements, C + 1), the last column the sum of the others."""
+        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
+        yield from self._sum(table, workers, total)
+        return total
+
+    def sum_apart(self, table: Float32, workers: int) -> Fractions[tuple[Float32, FarLight]]:
+        """The same, and how much of it comes from afar."""
+        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
+        far = FarLight(np.zeros_like(total), np.zeros(len(total), np.float32))
+        yield from self._sum(table, workers, total, far)
+        return total, far
+
+    def _sum(self, table: Float32, workers: int, total: Float32, far: FarLight | None = None) -> Fractions[None]:
+        """Fill `total`, and `far`.
 
         The weights should add up to pi and do so only on average, and rays that met nothing that takes part are
         missing. What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact
         where all is equally bright, harmless where a small window outshines the rest.
         """
-        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
         for fine in (False, True):
             rows = np.flatnonzero(self.fine == fine)
             pilots, guided = self.counts.sent(fine)
@@ -114,13 +129,21 @@ class Tally:
                 level = bright.sum(1)[:, None] / count
                 np.maximum(bright, np.maximum(level, np.float32(1e-30)), out=bright)
                 dim = np.divide(level, bright, out=bright)
-                dim *= missing / count
-                weight[:, :pilots] += dim
-                total[rows[start:stop]] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
+                weight[:, :pilots] += dim * (missing / count)
+                total[chosen] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
+                if far is not None and self.far is not None:
+                    away = self.counts.of(self.far.take(chosen, axis=0), fine)
+                    number = np.count_nonzero(away[:, :pilots], axis=1)[:, None].astype(np.float32)
+                    open_share = number / count
+                    far.openness[chosen] = open_share[:, 0]
+                    weight *= away
+                    dim *= away[:, :pilots]  # what is missing of the open share, likewise: even light stays even
+                    dim *= (np.float32(np.pi) * open_share - weight.sum(1)[:, None]) / np.maximum(number, 1)
+                    weight[:, :pilots] += dim
+                    far.irradiance[chosen] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
 
             steps = in_chunks(work, len(rows), max(1, RAYS // (pilots + guided)), workers)
             yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
-        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +179,9 @@ class GatherRays:
         settings: BakeSettings,
         bright: Float32,
         gleams: Gleams | None = None,
+        far_from: float = np.inf,
     ) -> None:
+        """Rays that get farther than `far_from`, m, count as having met what is far away."""
         self._texels, self._patches, self._visibility = texels, patches, visibility
         self._workers = settings.workers
         pilots = round(settings.steps.gather_rays * PILOT_SHARE)
@@ -172,6 +197,8 @@ class GatherRays:
         self._tinted = visibility.channels > 1 or self._bends
         self._gleams = gleams
         self._seen: list[_Seen] = []
+        self._far_from = np.float32(far_from)
+        self._far: list[Bools] = []
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
         """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
@@ -182,6 +209,7 @@ class GatherRays:
         elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
         bins = np.zeros(elements.shape, np.uint16)
         tints = np.ones((*elements.shape, 3) if self._tinted else 0, np.float16)
+        far = np.zeros(elements.shape, bool)
         harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
         before = sum(map(len, self._elements))
 
@@ -198,6 +226,7 @@ class GatherRays:
                 element, hits = self._trace(own, rows, column, directions)
                 if hits.tint is not None:
                     tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
+                far[part, :pilots] = self._is_far(element, hits).reshape(-1, pilots)
                 inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
@@ -221,6 +250,7 @@ class GatherRays:
         self._bins.append(bins)
         self._fine.append(fine)
         self._tints.append(tints)
+        self._far.append(far)
         return harmonic, nearest, light
 
     def _gleaming(self, element: Int32, directions: Float32, point: Int64, column: Int64) -> _Seen | None:
@@ -229,6 +259,10 @@ class GatherRays:
             return None
         ray, light = self._gleams.seen(element, directions)
         return _Seen(point[ray], column[ray], light)
+
+    def _is_far(self, element: Int32, hits: Hits) -> Bools:
+        """Which rays (R,) get far; those below the horizon do not."""
+        return np.asarray((hits.distance > self._far_from) & (element != BELOW))
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
         """Distance (Q,), m, from texels to the next surface along the normal."""
@@ -280,7 +314,9 @@ class GatherRays:
             tints = np.ones((*elements.shape, 3), np.float16)
             tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
         stands = Stands.joined(self._stands or [(yield from Stands.of(self._texels, points.texel, 1))])
-        self._elements, self._bins, self._fine, self._tints, self._stands = [], [], [], [], []
+        far = np.zeros(elements.shape, bool)
+        far[:, :pilots] = np.concatenate(self._far or [far[:0, :pilots]])
+        self._elements, self._bins, self._fine, self._tints, self._stands, self._far = [], [], [], [], [], []
         weights = np.zeros(elements.shape, np.float32)
         width = base * POOL_WIDTH
         keys = yield from scaled(cell_keys(self._texels, points.texel, width, self._workers), 0, 0)
@@ -315,8 +351,9 @@ class GatherRays:
                 weights[points_here, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, fold[here], begins[here])
                 lit = density.any(1)[fold[here]]
-                element, cosine, tint, seen_there = self._guide(stands.only(points_here), drawn, lit)
+                element, away, cosine, tint, seen_there = self._guide(stands.only(points_here), drawn, lit)
                 elements[points_here, pilots : pilots + rest] = element
+                far[points_here, pilots : pilots + rest] = away
                 if seen_there is not None:
                     gleaming.append(
                         replace(seen_there, point=points_here[seen_there.point], column=seen_there.column + pilots)
@@ -331,12 +368,14 @@ class GatherRays:
         self._seen += [part for parts in guided_seen for part in parts]
         gleams = _Seen.joined(self._seen).irradiance(weights) if self._seen else None
         self._seen = []
-        return Tally(elements, weights, self._counts, fine, tints, gleams)
+        return Tally(elements, weights, self._counts, fine, tints, gleams, far)
 
-    def _guide(self, stands: Stands, drawn: Int64, lit: Bools) -> tuple[Int32, Float32, Float32 | None, _Seen | None]:
-        """Elements, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided); cosine 0 for those not sent.
+    def _guide(
+        self, stands: Stands, drawn: Int64, lit: Bools
+    ) -> tuple[Int32, Bools, Float32, Float32 | None, _Seen | None]:
+        """Elements, which are far, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided).
 
-        And the gleams that they see.
+        And the gleams that they see. The cosine is 0 for those not sent.
 
         Args:
             lit: (Q,) bool, points whose bins were drawn from light; no others send rays
@@ -353,13 +392,16 @@ class GatherRays:
         ways = directions.take(sent, axis=0)
         row, sample = np.divmod(sent, guided)
         element[sent], hits = self._trace(stands, row, sample, ways)
+        far = np.zeros(len(element), bool)
+        far[sent] = self._is_far(element[sent], hits)
         gleaming = self._gleaming(element[sent], ways, row, sample)
         tint = None
         if hits.tint is not None:
             tint = np.ones((count * guided, 3), np.float32)
             tint[sent] = hits.tint
             tint = tint.reshape(*drawn.shape, 3)
-        return element.reshape(drawn.shape), cosine.reshape(drawn.shape), tint, gleaming
+        shape = drawn.shape
+        return element.reshape(shape), far.reshape(shape), cosine.reshape(shape), tint, gleaming
 
 
 def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:

@@ -67,7 +67,7 @@ def fit_irradiance(
         cells, row = own[new], np.cumsum(new) - 1
         plane = _Plane(cells, texels, points, neighbours)
         x, y = plane.project(texels.position.take(texel, axis=0), row)
-        weight, reach = _weights(x, y, plane.width.take(row, axis=1))
+        weight, reach = _weights(x, y, plane.width.take(row, axis=1), REACH)
         crowded = np.flatnonzero(neighbours.crowded[cells][row])
         if len(crowded):
             clear = np.minimum(neighbours.clear[cells], neighbours.clear.take(plane.point))
@@ -75,11 +75,34 @@ def fit_irradiance(
         lonely = weight.sum(0) <= 0
         weight[0, lonely] = 1
         values = np.stack([channel.take(plane.point) for channel in np.ascontiguousarray(irradiance.T)])
-        fitted = _fit(weight, x, y, reach, values, row)
+        share = _shares_of_plane(weight, x, y, reach)
+        fitted = np.stack([(share * channel.take(row, axis=1)).sum(0) for channel in values])
         result[texel] = _kept_in_range(fitted, weight, values, row).T
 
     yield from in_chunks(work, len(taking), TEXELS, workers)
     return result
+
+
+def shares_at_points(
+    texels: Texels, points: GatherPoints, neighbours: Neighbours, reach: float, workers: int
+) -> Fractions[Float32]:
+    """What each neighbour's value counts in the plane fitted at each point itself: (P, NEIGHBOURS), rows sum to 1.
+
+    Args:
+        reach: points count within so many widths of the cells around
+    """
+    shares: Float32 = np.zeros(neighbours.point.shape, np.float32)
+
+    def work(start: int, stop: int) -> None:
+        cells = np.arange(start, stop)
+        plane = _Plane(cells, texels, points, neighbours)
+        x, y = plane.project(texels.position.take(points.texel[cells], axis=0), np.arange(len(cells)))
+        weight, within = _weights(x, y, plane.width, reach)
+        weight[0, weight.sum(0) <= 0] = 1
+        shares[start:stop, : len(weight)] = _shares_of_plane(weight, x, y, within).T
+
+    yield from in_chunks(work, points.count, TEXELS, workers)
+    return shares
 
 
 class _Plane:
@@ -153,14 +176,14 @@ def _kept_in_range(fitted: Float32, weight: Float32, values: Float32, row: Int64
     return fitted
 
 
-def _weights(x: Float32, y: Float32, width: Float32) -> tuple[Float32, Float32]:
-    """Weights (K, T) of points at offsets x, y, and the reach (T,), m."""
+def _weights(x: Float32, y: Float32, width: Float32, widths: float) -> tuple[Float32, Float32]:
+    """Weights (K, T) of points at offsets x, y, and the reach (T,), m, of so many widths of the cells around."""
     weight: Float32 = x * x
     weight += y * y
     reach = np.sqrt(weight)
     reach *= np.float32(GROWTH)
     reach += width
-    reach = reach.min(0) * np.float32(REACH)
+    reach = reach.min(0) * np.float32(widths)
     within = (weight < reach * reach).view(np.int8)
     few = np.flatnonzero(within.sum(0, dtype=np.int8) < ENOUGH)
     reach[few] = np.maximum(reach[few], _reach_of_enough(weight[:, few].T))
@@ -205,8 +228,8 @@ def _leave_out_hidden(
     weight[number[blocked], one[blocked]] = 0
 
 
-def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float32, row: Int64) -> Float32:
-    """Value (C, T) at each texel of the plane fitted to values (C, K, cells) of cells row (T,) at offsets x, y."""
+def _shares_of_plane(weight: Float32, x: Float32, y: Float32, reach: Float32) -> Float32:
+    """What values at offsets x, y, all (K, T), count at each texel in the plane fitted to them; columns sum to 1."""
     scale = 1 / reach
     outside = weight == 0
     for offset in (x, y):
@@ -225,4 +248,4 @@ def _fit(weight: Float32, x: Float32, y: Float32, reach: Float32, values: Float3
     across *= (mean_y * xx - mean_x * xy) / determinant
     share -= along
     share -= across
-    return np.stack([(share * channel.take(row, axis=1)).sum(0) for channel in values])
+    return np.asarray(share, np.float32)
