@@ -140,19 +140,6 @@ def test_a_floor_inside_a_sphere_is_hidden_however_far_its_wall():
     assert after.valid[own & (reach > 1.6)].all()
 
 
-def test_what_is_sunk_into_a_slab_does_not_hide_its_inside():
-    """A strip of the skirting lies in the slab; rays from it meet the block that is sunk before it leave the slab."""
-    slab, block = box("Slab", (-1.8, -1.8, -0.1), (1.8, 1.8, 0.1)), box("Block", (-1, -1, 0.09), (1, 1, 0.5))
-    skirting = box("Skirting", (-1.9, 1.7, 0.07), (1.9, 1.9, 0.3))
-    after = on_a_floor([slab, block, skirting])[1]
-    foot = (after.surfaces.mesh[after.triangle[:]] == 3) & (after.normal[:, 1] < -0.5)
-    x, _, z = (after.position + after.surfaces.origin).T
-    buried = foot & (z < 0.1) & (np.abs(x) < 1.75)
-    assert buried.sum() > 20
-    assert not after.valid[buried].any()
-    assert after.valid[foot & (z > 0.12)].all()
-
-
 def test_what_stands_beside_touching_solids_is_not_inside_of_any():
     """Rays leave one book where they enter the next, and meet only one of both faces."""
     books = [box(f"Book {k}", (-0.9 + 0.3 * k, -0.3, 0.0), (-0.6 + 0.3 * k, 0.3, 0.5)) for k in range(6)]

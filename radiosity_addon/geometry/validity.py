@@ -20,12 +20,6 @@ LAMP_RAYS = 64
 EMITTERS = 4096
 """Emissive triangles, at most, that are asked the same; a surface full of them is found from any."""
 
-LAYERS = 16
-"""Surfaces that a ray is followed through, at most, to find whether it began inside of one."""
-
-PAIRS = 1 << 20
-"""Pairs of solids whose boxes are compared in one go."""
-
 CHUNK = 1 << 15
 
 
@@ -78,8 +72,7 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
     """(T, 4) bool: strata from which the ray along the normal meets a solid from behind.
 
     The rays see solids alone: a floor and the ceiling above it, with a wall through both, would hide the wall's inside.
-    Closed surfaces that face inward are seen too: they are the hollows of solids. What is sunk into a solid does not
-    hide it: rays that meet such a thing, and begin where the solid may be, go on through it.
+    Closed surfaces that face inward are seen too: they are the hollows of solids.
     One stratum is asked first, of all texels at the rims of charts and of every second one elsewhere, as on a
     chessboard; then all four where a texel of the 3 x 3 neighbourhood is inside.
     """
@@ -90,37 +83,13 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
     shells = np.flatnonzero(solid | (surfaces.closed & ~_facing_outward(surfaces)))
     bounding = solid[shells]
     solids = Visibility(surfaces.corners[shells])
-    part, boxes = _boxes(surfaces, shells)
-    around = _boxes_around(boxes, np.unique(part[bounding]), surfaces.offset)
-    sunk = around[0, :, 0] < around[1, :, 0]
 
     def met(ids: Int64, slot: Int64) -> Bools:
         origins, triangle = texels.points(ids, slot)
         directions: Float32 = surfaces.normals(triangle)
         origins += directions * np.float32(surfaces.offset)
         hits = solids.first_hit(origins, directions)
-        found: Bools = (hits.triangle >= 0) & ~hits.front & bounding[hits.triangle]
-        unsure = np.flatnonzero(hits.front & (hits.triangle >= 0))
-        unsure = unsure[sunk[part[hits.triangle[unsure]]]]
-        unsure = unsure[_within(around, part[hits.triangle[unsure]], origins[unsure])]
-        if len(unsure):
-            found[unsure] = followed(origins[unsure], directions[unsure])
-        return found
-
-    def followed(origins: Float32, directions: Float32) -> Bools:
-        """Whether rays (R, 3) leave a solid more often than they enter one, of those whose boxes they begin in."""
-        found = np.zeros(len(origins), bool)
-        ray, depth, begin = np.arange(len(origins)), np.zeros(len(origins), int), origins
-        for _ in range(LAYERS):
-            hits = solids.first_hit(begin, directions[ray])
-            counts = (hits.triangle >= 0) & _within(boxes, part[hits.triangle], origins[ray])
-            depth += counts * np.where(hits.front, 1, -1)
-            found[ray] = counts & (depth < 0) & bounding[hits.triangle]
-            on = np.flatnonzero((hits.triangle >= 0) & (depth >= 0))
-            step = hits.distance[on, None] + np.float32(surfaces.offset)
-            begin = begin[on] + directions[ray[on]] * step
-            ray, depth = ray[on], depth[on]
-        return found
+        return (hits.triangle >= 0) & ~hits.front & bounding[hits.triangle]
 
     def first(start: int, stop: int) -> None:
         row, column = np.divmod(texels.pixel[start:stop], texels.size)
@@ -140,54 +109,6 @@ def strata_inside(texels: Texels, solid: Bools, visibility: Visibility, workers:
     yield from in_chunks(every, len(asked), CHUNK // STRATA, workers)
     visibility.include(solids)
     return inside
-
-
-def _boxes(surfaces: Surfaces, shells: Int64) -> tuple[Int64, Float32]:
-    """Which closed surface, of C, each triangle of `shells` (K,) is of, and the boxes (2, C, 3) around them."""
-    parts, part = np.unique(surfaces.component[shells], return_inverse=True)
-    order = np.argsort(part, kind="stable")
-    begin = np.searchsorted(part[order], np.arange(len(parts)))
-    corners = surfaces.corners[shells[order]]
-    low = np.minimum.reduceat(corners.min(1), begin)
-    return part, np.stack([low, np.maximum.reduceat(corners.max(1), begin)])
-
-
-def _boxes_around(boxes: Float32, solid: Int64, least: float) -> Float32:
-    """Boxes (2, C, 3) around all others that those of C closed surfaces reach into by `least`, m; else inside out.
-
-    Args:
-        boxes: (2, C, 3), m
-        solid: those of solids, which are reached into
-    """
-    around = np.stack([np.full_like(boxes[0], np.inf), np.full_like(boxes[1], -np.inf)])
-    order = np.argsort(boxes[0, :, 0], kind="stable")
-    low, high = boxes[:, order]
-    bounds = np.zeros(len(order), bool)
-    bounds[solid] = True
-    after = np.arange(1, len(order) + 1)
-    count = np.maximum(np.searchsorted(low[:, 0], high[:, 0] - least) - after, 0)
-    ends = np.cumsum(count)
-    start = 0
-    while start < len(order):
-        stop = max(int(np.searchsorted(ends, (ends[start] - count[start]) + PAIRS, side="right")), start + 1)
-        part = slice(start, stop)
-        one = np.repeat(np.arange(start, stop), count[part])
-        other = np.arange(len(one)) - np.repeat(ends[part] - count[part] - (ends[start] - count[start]), count[part])
-        other += after[one]
-        meet = ((low[one] + least < high[other]) & (low[other] + least < high[one])).all(1)
-        pair = order[one[meet]], order[other[meet]]
-        for into, of in (pair, pair[::-1]):
-            into, of = into[bounds[of]], of[bounds[of]]
-            np.minimum.at(around[0], into, boxes[0, of])
-            np.maximum.at(around[1], into, boxes[1, of])
-        start = stop
-    return around
-
-
-def _within(boxes: Float32, box: Int64, points: Float32) -> Bools:
-    """Whether points (R, 3) lie in the boxes (R,), of (2, C, 3), that go with them."""
-    low, high = (corner.take(box, axis=0) for corner in boxes)
-    return ~some((points < low) | (points > high))
 
 
 def _near(chosen: Bools, texels: Texels) -> Bools:
