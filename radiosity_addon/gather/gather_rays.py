@@ -136,7 +136,7 @@ class Tally:
                     number = np.count_nonzero(away[:, :pilots], axis=1)[:, None].astype(np.float32)
                     open_share = number / count
                     far.openness[chosen] = open_share[:, 0]
-                    weight *= away
+                    weight *= away & (number > 0)  # guided rays alone do not tell how open the view is
                     dim *= away[:, :pilots]  # what is missing of the open share, likewise: even light stays even
                     dim *= (np.float32(np.pi) * open_share - weight.sum(1)[:, None]) / np.maximum(number, 1)
                     weight[:, :pilots] += dim
