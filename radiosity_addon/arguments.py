@@ -199,11 +199,10 @@ def _add_scene(verb: argparse.ArgumentParser, text: str, opened: str | None) -> 
 def _add_density(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("--density", type=float, metavar="F", help="texels per metre; default: fill one page")
     verb.add_argument(
-        "--no-fine-folds",
-        dest="fine_folds",
-        action="store_false",
+        "--fine-folds",
+        action=argparse.BooleanOptionalAction,
         default=None,
-        help="give curtains and the like, that fold within few texels, no finer ones than others",
+        help="give curtains and the like, that fold within few texels, finer ones than others; default: as the scene",
     )
     verb.add_argument(
         "--page-size", type=int, metavar="N", help=f"texels along a page's edge; default: {BakeSettings.page_size}"

@@ -142,7 +142,8 @@ def _coarse_folds(meshes: Sequence[Mesh], folds: Folds, settings: BakeSettings) 
         if density > MENDED_BY:
             continue
         turn = f"{math.degrees(folds.left[index]):.0f} degrees within a texel, too far to look smooth"
-        remedy = f"set its Density to {density:.1f}, or choose larger pages"
+        ways = "" if settings.fine_folds else "turn on Finer Folds, or "
+        remedy = f"{ways}set its Density to {density:.1f}, or choose larger pages"
         found.setdefault(name, Finding("info", f"{name}: its folds turn by {turn}; {remedy}", name))
     return list(found.values())
 

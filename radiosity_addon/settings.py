@@ -98,7 +98,7 @@ class BakeSettings:
     """
 
     density: float | None = None
-    fine_folds: bool = True
+    fine_folds: bool = False
     page_size: int = 1024
     quality: QualityName = "medium"
     form_factors: FormFactorName = "nusselt"

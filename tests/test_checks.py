@@ -123,12 +123,12 @@ def test_folds_too_narrow_for_their_texels_are_named_with_the_density_that_they_
     """At 100 texels a metre a cylinder of 10 mm turns by 57 degrees within a texel, by half of that if it is finer."""
     floor, curtain = quad("Floor"), sheet("Curtain", 0.01, 3.0)
     fixed = {"density": 100.0, "page_size": 2048}
-    assert found(floor, curtain, **fixed) == []
+    assert found(floor, curtain, **fixed, fine_folds=True) == []
     scene = Scene((floor, curtain), (Material("Grey"),))
     (finding,) = check(scene, BakeSettings(**fixed, fine_folds=False))
     assert (finding.severity, finding.subject) == ("info", "Curtain")
     assert "57 degrees" in finding.text
-    assert "Density to 3.8," in finding.text
+    assert "Finer Folds, or set its Density to 3.8," in finding.text
     mended = replace(curtain, density=3.8)
     assert found(floor, mended, **fixed, fine_folds=False) == []
 

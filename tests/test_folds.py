@@ -17,7 +17,7 @@ from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
 from tests.shapes import mesh_of, quad, sheet
 
-FINE = BakeSettings(density=100.0, page_size=4096)
+FINE = BakeSettings(density=100.0, page_size=4096, fine_folds=True)
 
 
 def rate(mesh: Mesh) -> float:
@@ -89,7 +89,7 @@ def test_folds_alone_take_no_more_than_a_fifth_beyond_their_texels() -> None:
 
 def test_on_a_page_that_is_filled_texels_are_as_wide_as_its_group_leaves_them() -> None:
     floor, tube = sheet("Floor", 40.0, 0.0), sheet("Tube", 0.05, 2.0)
-    settings = BakeSettings(page_size=512)
+    settings = BakeSettings(page_size=512, fine_folds=True)
     density = math.sqrt(FILLED * 512**2 / (40.0 + 0.1))
     assert np.degrees(Folds.of([floor, tube], settings).turn[1]) == pytest.approx(math.degrees(20 / density), rel=1e-3)
     apart = replace(tube, page_group="Tubes")
@@ -112,7 +112,7 @@ def test_instances_are_as_fine_as_if_each_were_looked_at() -> None:
 
 def test_the_atlas_lays_folds_finer_and_can_be_told_not_to() -> None:
     scene = Scene((sheet("Floor", 4.0, 0.0), sheet("Tube", 0.01, 2.0)), (Material("Grey"),))
-    page = BakeSettings(page_size=256)
+    page = BakeSettings(page_size=256, fine_folds=True)
     atlas, even = (finish(build_atlas(scene, each)) for each in (page, replace(page, fine_folds=False)))
     assert atlas.density[1] / atlas.density[0] == pytest.approx(FINEST, rel=1e-3)
     assert even.density[1] == pytest.approx(even.density[0])

@@ -5,7 +5,7 @@ settings = bpy.context.scene.radiosity
 
 settings.density_enabled = True
 settings.density = 64.0
-settings.fine_folds = True
+settings.fine_folds = False
 settings.page_size = 4096
 settings.quality = "high"
 settings.tolerance = 0.0001

@@ -5,7 +5,7 @@ settings = bpy.context.scene.radiosity
 
 settings.density_enabled = True
 settings.density = 16.0
-settings.fine_folds = True
+settings.fine_folds = False
 settings.page_size = 2048
 settings.quality = "medium"
 settings.tolerance = 0.0001

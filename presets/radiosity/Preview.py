@@ -5,7 +5,7 @@ settings = bpy.context.scene.radiosity
 
 settings.density_enabled = False
 settings.density = 64.0
-settings.fine_folds = True
+settings.fine_folds = False
 settings.page_size = 512
 settings.quality = "draft"
 settings.tolerance = 0.0001

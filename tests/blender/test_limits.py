@@ -73,9 +73,10 @@ def test_the_command_line_overrules_the_scene(scene, tmp_path, word, expected):
     assert (settings.bounces, settings.clamp_indirect) == expected
 
 
-def test_finer_folds_are_as_the_scene_has_them_unless_the_command_line_says_no(tmp_path):
+def test_finer_folds_are_as_the_scene_has_them_unless_the_command_line_tells(tmp_path):
     scene = bpy.context.scene
+    assert not bake_settings(scene, Verb("bake", tmp_path / "room.blend")).fine_folds
+    assert bake_settings(scene, Verb("bake", tmp_path / "room.blend", fine_folds=True)).fine_folds
+    scene.radiosity.fine_folds = True
     assert bake_settings(scene, Verb("bake", tmp_path / "room.blend")).fine_folds
     assert not bake_settings(scene, Verb("bake", tmp_path / "room.blend", fine_folds=False)).fine_folds
-    scene.radiosity.fine_folds = False
-    assert not bake_settings(scene, Verb("bake", tmp_path / "room.blend")).fine_folds
