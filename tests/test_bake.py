@@ -208,7 +208,7 @@ def test_a_dim_group_that_is_kept_apart_gets_as_many_rays_as_a_bright_one() -> N
     bright, dim = page_of_b(10), page_of_b(0.001)
     lit_up = bright.min(2) > 0.02 * bright.max()
     error = (dim - bright)[lit_up] / bright[lit_up]
-    assert np.sqrt((error**2).mean()) < 2e-3
+    assert np.sqrt((error**2).mean()) < 3e-3
 
 
 def test_lamps_baked_apart_add_up_within_the_gathers_noise() -> None:
