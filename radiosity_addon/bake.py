@@ -18,7 +18,6 @@ from .gather.own_error import OwnError, own_error
 from .geometry.appearance import Appearance, appearance_of
 from .geometry.opacity import opacity_of
 from .geometry.sides import with_backs
-from .geometry.sunk import leave_out_feet
 from .geometry.surfaces import Surfaces, flatten
 from .geometry.texels import Texels, rasterize
 from .geometry.transmittance import Transmittance, transmittance_of
@@ -233,7 +232,7 @@ def _valid_texels(
     inside = yield from scaled(strata_inside(texels, solid, visibility, settings.workers), 0.5, 0.8)
     texels = texels.without(inside)
     walls = yield from scaled(find_walls(texels, visibility, settings.workers), 0.8, 1.0)
-    return texels, leave_out_feet(texels, walls, visibility)
+    return texels, walls
 
 
 def _looks(

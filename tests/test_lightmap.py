@@ -88,9 +88,11 @@ def test_gutters_repeat_the_nearest_chart():
 
 
 def test_texels_at_the_back_of_a_sheet_hold_the_light_at_its_front():
-    light = np.arange(12, dtype=np.float32).reshape(4, 1, 3)
+    light = np.repeat(np.float32([4, 8, 1, 9])[:, None, None], 3, axis=2)
     show_fronts(light, np.array([[2, 2], [0, 1]], np.int32))
-    assert light[:, 0, 0] == pytest.approx([0, 3, 1.5, 9])
+    assert light[:, 0, 0] == pytest.approx([4, 8, 6, 9])
+    show_fronts(light, np.array([[3], [0]], np.int32))
+    assert light[3, 0, 0] == 9, "it is the brighter side"
 
 
 def test_hidden_pages_are_not_written():

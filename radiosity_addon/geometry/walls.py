@@ -81,7 +81,7 @@ class Walls:
         below = self._below(texel[near], points)
         chosen = np.flatnonzero(below.any(0))
         near, below, points = near[chosen], below[:, chosen], points[chosen]
-        other = texels.texel_at[texels.pixel[texel[near]] + np.array(steps(texels))[below.argmax(0)]]
+        other = texels.texel_at[texels.pixel[texel[near]] + np.array(_steps(texels))[below.argmax(0)]]
         other[self._below(other, points).any(0) | (below.sum(0) > 1)] = -1
         return near, other
 
@@ -93,7 +93,7 @@ class Walls:
         return np.asarray((height < 0) & (row >= 0))
 
 
-def steps(texels: Texels) -> tuple[int, int, int, int]:
+def _steps(texels: Texels) -> tuple[int, int, int, int]:
     """From a pixel to its neighbours, in the order of the planes of walls."""
     return -1, 1, -texels.size, texels.size
 
@@ -260,7 +260,7 @@ def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Floa
     surfaces = texels.surfaces
     component = surfaces.component[texels.triangle[:]] if len(chosen) else np.zeros(0, np.int32)
     column = texels.pixel[chosen] % texels.size
-    for side, step in enumerate(steps(texels)):
+    for side, step in enumerate(_steps(texels)):
         other = texels.texel_at.take(texels.pixel[chosen] + step, mode="clip")
         there = (other >= 0) & texels.valid[other] & (component[other] == component[chosen])
         if abs(step) == 1:
@@ -286,7 +286,7 @@ def _planes(texels: Texels, chosen: Int64, visibility: Visibility) -> tuple[Floa
 def _behind_sheets(texels: Texels, chosen: Int64, row: Int32, facing: Int8) -> Int32:
     """(2, K): of texels (C,), rows (T,), those to which a wall shows its back, and neighbours that see its front."""
     pairs = [np.zeros((2, 0), np.int32)]
-    for side, step in enumerate(steps(texels)):
+    for side, step in enumerate(_steps(texels)):
         back = np.flatnonzero(facing[:, side] < 0)
         other = texels.texel_at[texels.pixel[chosen[back]] + step]
         front = facing[row[other], side ^ 1] * (row[other] >= 0) > 0

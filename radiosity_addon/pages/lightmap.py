@@ -51,9 +51,10 @@ def compose(texels: Texels, irradiance: Float32, page_count: int) -> list[Float3
 
 
 def show_fronts(irradiance: Float32, behind: Int32) -> None:
-    """Let texels at the back of a sheet, in place, hold the light at its front: filters mix it in there, as a rim.
+    """Let texels at the back of a sheet, in place, hold the light at its front if that is brighter.
 
-    A texel can't serve both sides; the front is the one that is meant to be seen.
+    Filters mix it in there, as a dark rim. A texel can't serve both sides; the front is the one that is meant to be
+    seen, unless it is the darker one: then the sheet may well be turned the wrong way round.
 
     Args:
         irradiance: (T, G, 3)
@@ -63,7 +64,8 @@ def show_fronts(irradiance: Float32, behind: Int32) -> None:
     share = 1 / np.bincount(order)
     light = np.zeros((len(here), *irradiance.shape[1:]), np.float32)
     np.add.at(light, order, irradiance[behind[1]] * share[order, None, None].astype(np.float32))
-    irradiance[here] = light
+    brighter = np.flatnonzero(light.sum((1, 2)) > irradiance[here].sum((1, 2)))
+    irradiance[here[brighter]] = light[brighter]
 
 
 def grow(image: Float32, known: Bools) -> None:
