@@ -33,8 +33,8 @@ class Quality:
     quality   aimed at      measured
     ========  ============  ================================================================================
     draft     3.5 % (7 %)   Cornell box 1.7, studio 1.5, office 1.6, court 1.7, pavilion 0.7 % (3.3 %)
-    medium    2.5 % (5 %)   Cornell box 0.8, studio 1.2, office 1.2, court 1.3, pavilion 0.5 % (2.1 %)
-    high      1.5 % (3 %)   Cornell box 0.5, studio 0.9, office 0.9, court 1.0, pavilion 0.4 % (1.5 %)
+    medium    2.5 % (5 %)   Cornell box 0.7, studio 1.0, office 1.1, court 1.3, pavilion 0.5 % (1.6 %)
+    high      1.5 % (3 %)   Cornell box 0.5, studio 0.9, office 0.9, court 1.1, pavilion 0.4 % (1.1 %)
     ========  ============  ================================================================================
 
     A bake says in its report what it finds that it errs itself (`gather/own_error`).
