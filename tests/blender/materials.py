@@ -26,5 +26,15 @@ def shader(name: str, kind: str, **values: object) -> bpy.types.Material:
     return material
 
 
+def volume(name: str, kind: str, **values: object) -> bpy.types.Material:
+    """A material of one node that fills what the surface encloses."""
+    material = shader(name, kind, **values)
+    tree = material.node_tree
+    surface = tree.links[0]
+    tree.links.new(surface.from_socket, surface.to_node.inputs["Volume"])
+    tree.links.remove(surface)
+    return material
+
+
 def diffuse(name: str, grey: float) -> bpy.types.Material:
     return shader(name, "ShaderNodeBsdfDiffuse", Color=(grey, grey, grey, 1))

@@ -12,7 +12,7 @@ from radiosity_addon.blender.data.stand_in import swap_in
 from radiosity_addon.errors import SceneError
 from tests.blender.added import add_cube, snapshot
 from tests.blender.built import QUAD, add, add_lamp, add_mesh, emission, extract
-from tests.blender.materials import diffuse
+from tests.blender.materials import bare, diffuse, volume
 
 # what takes part
 
@@ -47,6 +47,29 @@ def test_ray_visibility_is_followed_and_what_a_bake_can_not_show_is_said():
     assert rays["no shadow"] == (True, False)
     said = [text for text in extraction.warnings if "ordinary surface" in text]
     assert [text.split()[0] for text in said] == ["catcher", "hole"]
+
+
+def test_what_only_bounds_a_volume_is_left_out_and_its_faces_let_light_pass():
+    """Cycles traces on through faces of a volume without a surface; of nothing at all it makes black."""
+    fog, plain, nothing = volume("fog", "ShaderNodeVolumePrincipled"), diffuse("plain", 0.5), bare("nothing")
+    no_volume = volume("no volume", "ShaderNodeBsdfDiffuse")
+    switched_off = volume("switched off", "ShaderNodeVolumeScatter")
+    next(node for node in switched_off.node_tree.nodes if node.type == "VOLUME_SCATTER").mute = True
+    add_mesh("floor").data.materials.append(plain)
+    add_mesh("domain").data.materials.append(fog)
+    both = add_mesh("both", faces=[(0, 1, 2), (0, 2, 3)])
+    for material in (fog, plain):
+        both.data.materials.append(material)
+    both.data.polygons[1].material_index = 1
+    for material in (nothing, no_volume, switched_off):
+        add_mesh(material.name).data.materials.append(material)
+    extraction = extract()
+    names = [mesh.name for mesh in extraction.scene.meshes]
+    assert sorted(names) == ["both", "floor", "no volume", "nothing", "switched off"]
+    assert dict(extraction.skipped) == {"domain": "its materials show a volume and no surface"}
+    passes = {material.name: material.transmittance for material in extraction.scene.materials}
+    assert passes.pop("fog") == (1, 1, 1)
+    assert set(passes.values()) == {(0, 0, 0)}
 
 
 def test_objects_keep_the_terminator_offset_that_they_are_set_to():

@@ -14,7 +14,7 @@ import pytest
 
 from radiosity_addon.blender.looks.materials import read_material
 from tests.blender.baked import bake, quad
-from tests.blender.materials import diffuse, shader
+from tests.blender.materials import diffuse, shader, volume
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = 0.5
@@ -179,6 +179,15 @@ CASES: dict[str, tuple[Callable[[], bpy.types.Material | None], tuple[float, flo
     "no slot": (lambda: None, (0.4, 0.4, 0.4)),
     "transparent": (lambda: shader("Material", "ShaderNodeBsdfTransparent"), (WORLD, WORLD, WORLD)),
 }
+
+
+def test_faces_that_only_bound_a_volume_are_clear(tmp_path):
+    """They are baked where others of their mesh are surfaces. Black ones are clear to Cycles, not to Eevee."""
+    wall = quad("Wall", volume("Fog", "ShaderNodeVolumeScatter", Density=0.0))
+    bake([wall], tmp_path, value=PAGE)
+    _, shown, end = tree_of(wall.material_slots[0].material)
+    assert end.inputs["Volume"].links
+    assert "BSDF_TRANSPARENT" in [socket.links[0].from_node.type for socket in shown.inputs if socket.links]
 
 
 @pytest.mark.parametrize("case", CASES)

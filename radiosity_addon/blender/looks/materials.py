@@ -19,7 +19,7 @@ from ...errors import SceneError
 from ...microfacet import dielectric_albedo, dielectric_gloss, mean_pane_transmittance, metal_albedo, metal_gloss
 from ...scene import MAX_REFLECTANCE, RGB, Gloss, Material
 from ...shading import QUANTITIES, Quantity
-from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, known, likely
+from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, is_only_volume, known, likely
 
 BLACK = np.zeros(3)
 WHITE = np.ones(3)
@@ -168,7 +168,7 @@ def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:
     for name, text in (("Volume", "a volume, which is"), ("Displacement", "displacement, which is")):
         if name in output.inputs and output.inputs[name].links:
             reader.warn(f"has {text} ignored")
-    return reader.shading(output, "Surface", ())
+    return clear(WHITE) if is_only_volume(output) else reader.shading(output, "Surface", ())
 
 
 def _say_nothing(message: str) -> None:

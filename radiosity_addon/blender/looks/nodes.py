@@ -33,6 +33,12 @@ SHADOW_PATH = {"Is Shadow Ray": 1.0}
 SEE_ANGLES = ("FRESNEL", "LAYER_WEIGHT")
 """Types of nodes whose outputs depend on the direction from which a surface is seen."""
 
+VOLUMES = (
+    "PRINCIPLED_VOLUME", "VOLUME_SCATTER", "VOLUME_ABSORPTION", "VOLUME_COEFFICIENTS", "EMISSION", "MIX_SHADER",
+    "ADD_SHADER",
+)  # fmt: skip
+"""Types of nodes that fill what a surface encloses, or mix what does."""
+
 
 class LinkCycle(Exception):
     """A node tree feeds back into itself."""
@@ -65,6 +71,14 @@ def follow(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.Node
             return socket, groups
         socket = onward
     raise LinkCycle
+
+
+def is_only_volume(output: bpy.types.Node) -> bool:
+    """Whether an output shows a volume and no surface: light then passes the faces as if they were not there."""
+    if "Volume" not in output.inputs or follow(output.inputs["Surface"], ())[0].is_output:
+        return False
+    volume, _ = follow(output.inputs["Volume"], ())
+    return volume.is_output and volume.node.type in VOLUMES
 
 
 def _group_output(tree: bpy.types.NodeTree) -> bpy.types.Node | None:

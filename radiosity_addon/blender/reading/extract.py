@@ -254,6 +254,8 @@ class Reading:
         slots = slots_of(thing)
         group = self.lights.group(thing.lightgroup)
         material = self.materials.of_slots(slots, group, thing.name)
+        if self.materials.only_volume(material, shape.slot):
+            raise Skip("its materials show a volume and no surface")
         asking, answers = self.materials.asking(material, shape.slot), None
         if asking:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}

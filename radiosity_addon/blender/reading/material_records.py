@@ -9,8 +9,8 @@ import numpy as np
 from ...arrays import Int32
 from ...scene import Material
 from ..data.names import original_material
-from ..looks.materials import read_material
-from ..looks.nodes import LinkCycle
+from ..looks.materials import read_material, tree_of
+from ..looks.nodes import LinkCycle, is_only_volume
 from ..looks.surface_inputs import Asking
 from .extraction import Notes, Skip
 
@@ -21,6 +21,7 @@ class MaterialRecords:
     Attributes:
         records: as the core takes them
         shown: of each record the full name of its material, and what it asks for if it varies
+        volumes: indices of records that show a volume and no surface
     """
 
     def __init__(self, depsgraph: bpy.types.Depsgraph, notes: Notes) -> None:
@@ -30,6 +31,7 @@ class MaterialRecords:
         self._index: dict[tuple[str, int], int | LinkCycle] = {}
         self.records: list[Material] = []
         self.shown: list[tuple[str, Asking | None]] = []
+        self.volumes: set[int] = set()
 
     @property
     def emit(self) -> bool:
@@ -51,8 +53,11 @@ class MaterialRecords:
         """
         if not any(self.shown[index][1] for index in of_slots):
             return []
-        used = np.unique(of_slots[np.clip(slot, 0, len(of_slots) - 1)])
-        return [asked for index in used if (asked := self.shown[index][1]) is not None]
+        return [asked for index in _used(of_slots, slot) if (asked := self.shown[index][1]) is not None]
+
+    def only_volume(self, of_slots: Int32, slot: Int32) -> bool:
+        """Whether triangles of slots, as of `asking`, only bound a volume."""
+        return bool(self.volumes) and self.volumes.issuperset(_used(of_slots, slot).tolist())
 
     def _of(self, material: bpy.types.Material | None, group: int, user: str) -> int:
         shown = original_material(material.original if material is not None else None)
@@ -71,8 +76,16 @@ class MaterialRecords:
             self.records.append(read_material(evaluated, group, self._notes.hears(f"Material {name!r} of {user}")))
         except LinkCycle as cycle:
             return cycle
+        output = tree.get_output_node("CYCLES") if evaluated and (tree := tree_of(evaluated)) else None
+        if output is not None and is_only_volume(output):
+            self.volumes.add(len(self.records) - 1)
         asking = Asking.of(evaluated.node_tree) if self.records[-1].varies else None
         for text in asking.unanswered if asking else ():
             self._notes.warn(f"Material {name!r} of {user}: {text}")
         self.shown.append((shown.name_full if shown is not None else "", asking))
         return len(self.records) - 1
+
+
+def _used(of_slots: Int32, slot: Int32) -> Int32:
+    """The records that triangles are of, each once."""
+    return np.unique(of_slots[np.clip(slot, 0, len(of_slots) - 1)])

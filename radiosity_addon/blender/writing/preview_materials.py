@@ -14,7 +14,9 @@ import bpy
 
 from ..data.names import BACK_UV_MAP, BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
 from ..looks.materials import DEFAULT_REFLECTANCE, tree_of
-from ..looks.preview_nodes import BLACK, Color, Look, ShaderReader
+from ..looks.node_arithmetic import BLACK, WHITE, Color
+from ..looks.nodes import is_only_volume
+from ..looks.preview_nodes import Look, ShaderReader
 from ..looks.surface_inputs import OF_STAND_INS, Asking, Input, ask_attributes, property_of
 from .light_mix import LightMix
 from .page_images import light_of
@@ -135,7 +137,7 @@ def _show(material: bpy.types.Material, empty: bool, lightmap: Lightmap, token: 
     reader = ShaderReader(tree, token)
     emits = False
     for end in {end.name: end for end in map(tree.get_output_node, ENGINES) if end is not None}.values():
-        look = reader.look(end.inputs["Surface"])
+        look = Look(through=WHITE) if is_only_volume(end) else reader.look(end.inputs["Surface"])
         _emit(reader, look, end, lightmap)
         emits = emits or look.emission != BLACK
     return emits
