@@ -129,7 +129,7 @@ def bake(
     texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
     sky = sky_of(scene.world)
     suns = () if sky is None else sky.suns
-    lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, suns, shade))
+    lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, solid, suns, shade))
     wanted = texels.pixel < atlas.page_count * atlas.size**2
     live = LiveLight(viewer, first, atlas, texels, look)
     log.viewer, exchange, error, ended_in = viewer, None, None, ""
@@ -236,7 +236,7 @@ def _valid_texels(
 
 
 def _looks(
-    scene: Scene, atlas: Atlas, texels: Texels, suns: Sequence[SunLight], shade: Shader | None
+    scene: Scene, atlas: Atlas, texels: Texels, solid: Bools, suns: Sequence[SunLight], shade: Shader | None
 ) -> Fractions[tuple[Lamps, Appearance, tuple[str, ...]]]:
     """What shines as a lamp, how all else looks, and warnings about what can't be as it is shown."""
     yield 0.0
@@ -244,7 +244,7 @@ def _looks(
     glow, said = glow_of(scene, fronts, shade)
     lamps = lamps_of(scene, fronts, suns, glow)
     sampled = lamps.sampled[texels.surfaces.front]
-    look, warnings = yield from scaled(appearance_of(scene, atlas, texels, sampled, shade), 0.3, 1.0)
+    look, warnings = yield from scaled(appearance_of(scene, atlas, texels, sampled, shade, solid), 0.3, 1.0)
     return lamps, look, said + warnings
 
 

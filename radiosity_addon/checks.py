@@ -89,6 +89,7 @@ def lit_areas(meshes: Sequence[Mesh]) -> list[tuple[str, float]]:
 def shining_faces(scene: Scene) -> int:
     """How many triangles emit light."""
     shines = np.array([any(material.emission) for material in scene.materials], bool)
+    shines |= shines[scene.behind]
     return sum(int(shines[mesh.material].sum()) for mesh in scene.meshes if len(mesh.material))
 
 

@@ -92,8 +92,11 @@ def mean_fresnel(ior: float) -> float:
     """Share of uniform hemispherical light that a smooth dielectric reflects.
 
     Args:
-        ior: index of refraction, at least 1
+        ior: index of refraction; below 1 the light comes from the denser side, and of what passes outward, reciprocity
+            lets ior^2 times the share pass that passes inward
     """
+    if ior < 1:
+        return 1 - (1 - mean_fresnel(1 / ior)) * ior**2
     cosine, weight = _directions()
     return float(weight @ dielectric_fresnel(ior, np.ones(3))(cosine)[:, 0])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -55,12 +56,13 @@ class Material:
     Attributes:
         name: for messages
         reflectance: diffuse albedo plus glossy albedo, each channel in [0, 1)
-        emission: emitted radiance of either face, W/(m2 sr)
+        emission: emitted radiance, W/(m2 sr)
         group: light group of the emission, index into Scene.groups
         transmittance: share of the light that goes straight on, each channel in [0, 1]
         ior: index of refraction of clear glass: the transmittance is then a mean, and follows the angle; 1 for others
         glosses: layers of facets that are part of the reflectance; none where it varies over the surface how they look
         varies: which of these change over the surface; a Shader tells them, the values here are their means
+        back: how it looks from behind, index into Scene.materials; None: as from the front. The same vary on both faces
     """
 
     name: str
@@ -71,6 +73,7 @@ class Material:
     ior: float = 1.0
     glosses: tuple[Gloss, ...] = ()
     varies: frozenset[Quantity] = frozenset()
+    back: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,6 +286,12 @@ class Scene:
     bounces: Mapping[int, int] = field(default_factory=dict)
     working_space: RGBSpace = REC709
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def behind(self) -> Int32:
+        """(M,) how each material looks from behind, index into the materials: itself where both faces are alike."""
+        seen = [index if entry.back is None else entry.back for index, entry in enumerate(self.materials)]
+        return np.array(seen or [0], np.int32)
 
     def moved(self, offset: Float64) -> Scene:
         """The same scene with `offset` (3,), m, added to every position."""

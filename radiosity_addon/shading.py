@@ -42,12 +42,13 @@ class Layout:
 class Shader(Protocol):
     """Answers how surfaces look."""
 
-    def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:
+    def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity, behind: bool = False) -> Float32:
         """Colours (page_count, size, size, 3), linear, row 0 at v = 0.
 
         Args:
             layout: where the meshes of the scene lie
             meshes: (M,) which of them are wanted; elsewhere the pages are black
             quantity: what is wanted, at the centre of each texel or, beside a chart, of the texel nearest to it
+            behind: of the backs, of materials that look otherwise from there
         """
         ...

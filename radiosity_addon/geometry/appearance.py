@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Int32, Int64
 from ..atlas.unwrap import Atlas
-from ..chunks import Fractions
+from ..chunks import Fractions, scaled
 from ..scene import MAX_REFLECTANCE, Scene
 from ..shading import Layout, Quantity, Shader
 from .by_triangle import ByTriangle
@@ -20,6 +21,9 @@ from .texels import Texels
 SHOWN: tuple[Quantity, ...] = ("reflectance", "emission")
 """What is asked for at texels."""
 
+Looks: TypeAlias = dict[Quantity, Float32 | ByTriangle]
+"""Values of texels (T, 3) by quantity."""
+
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
@@ -29,6 +33,7 @@ class Appearance:
         reflectance: (T, 3) float32
         emission: (T, 3) float32, W/(m2 sr)
         group: (T,) int32, light group of the emission
+        behind: how they look from behind; None: all the same
 
     What is alike all over a triangle is kept once for it.
     """
@@ -36,6 +41,7 @@ class Appearance:
     reflectance: Float32 | ByTriangle
     emission: Float32 | ByTriangle
     group: ByTriangle
+    behind: Appearance | None = None
 
     def stopped(self, opacity: Opacity) -> Appearance:
         """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
@@ -43,54 +49,100 @@ class Appearance:
         The pictures of both need not match to the texel: no more is reflected than can be.
         """
         reflectance = opacity.of_stopped(self.reflectance[:], MAX_REFLECTANCE)
-        return replace(self, reflectance=reflectance, emission=opacity.of_stopped(self.emission[:]))
+        emission = opacity.of_stopped(self.emission[:])
+        behind = None if self.behind is None else self.behind.stopped(opacity)
+        return replace(self, reflectance=reflectance, emission=emission, behind=behind)
 
 
 def appearance_of(
-    scene: Scene, atlas: Atlas, texels: Texels, sampled: Bools, shade: Shader | None
+    scene: Scene, atlas: Atlas, texels: Texels, sampled: Bools, shade: Shader | None, solid: Bools | None = None
 ) -> Fractions[tuple[Appearance, tuple[str, ...]]]:
     """How texels look, and warnings about what can't be as it is shown; yields the share done.
 
     Args:
         sampled: (F,) triangles that shine as lamps: they do not glow as well, so that nothing counts twice
         shade: tells what varies; without it everything has its material's constants
+        solid: (F,) triangles whose backs nobody sees, if any
+    """
+    surfaces = texels.surfaces
+    fronts = np.arange(surfaces.count) < surfaces.fronts
+    group = np.array([entry.group for entry in scene.materials], np.int32)[surfaces.material]
+    asking = _side(scene, atlas, texels, surfaces.material, fronts, sampled, shade)
+    values, said = yield from scaled(asking, 0, 0.5)
+    seen_behind = scene.behind[surfaces.material]
+    unlike = fronts & (seen_behind != surfaces.material)
+    if solid is not None:
+        unlike &= ~solid
+    others, behind = values, None
+    if unlike.any():
+        material = np.where(unlike, seen_behind, surfaces.material)
+        asking = _side(scene, atlas, texels, material, unlike, sampled, shade, values)
+        others, more = yield from scaled(asking, 0.5, 1)
+        said += more
+        behind = Appearance(others["reflectance"], others["emission"], ByTriangle(group, texels.footprints))
+    _show_twins(values, others, scene, texels)
+    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, texels.footprints), behind), said
+
+
+def _side(
+    scene: Scene,
+    atlas: Atlas,
+    texels: Texels,
+    material: Int32,
+    chosen: Bools,
+    sampled: Bools,
+    shade: Shader | None,
+    fronts: Looks | None = None,
+) -> Fractions[tuple[Looks, tuple[str, ...]]]:
+    """How one side looks of the materials (F,) of triangles.
+
+    Args:
+        chosen: (F,) triangles that are asked for
+        fronts: of backs, what those look like that are not chosen
     """
     triangle = texels.triangle[:]
-    material = texels.surfaces.material
-    constants: dict[Quantity, Float32] = {
-        "reflectance": np.array([entry.reflectance for entry in scene.materials], np.float32)[material],
-        "emission": np.array([entry.emission for entry in scene.materials], np.float32)[material],
-    }
-    constants["emission"][sampled] = 0
-    values: dict[Quantity, Float32 | ByTriangle] = {
-        quantity: ByTriangle(each, texels.footprints) for quantity, each in constants.items()
-    }
+    seen = {} if fronts is None else {"behind": True}
+    values: Looks = {}
     said: tuple[str, ...] = ()
     for done, quantity in enumerate(SHOWN):
-        varies = np.array([quantity in entry.varies for entry in scene.materials] or [False])
-        asked = varies[texels.surfaces.material]
-        behind = np.flatnonzero(asked[triangle] & (triangle >= texels.surfaces.fronts))
-        asked[texels.surfaces.fronts :] = False  # backs look like the fronts
+        constants = np.array([getattr(entry, quantity) for entry in scene.materials], np.float32)[material]
+        if quantity == "emission":
+            constants[sampled] = 0
+        values[quantity] = ByTriangle(constants, texels.footprints)
+        asked = chosen & np.array([quantity in entry.varies for entry in scene.materials] or [False])[material]
         if quantity == "emission":
             asked &= ~sampled
+        painted = None if fronts is None else fronts[quantity]
+        if isinstance(painted, np.ndarray):
+            values[quantity] = np.where(chosen[triangle][:, None], values[quantity][:], painted)
         if shade is None or not asked.any():
             continue
         yield done / len(SHOWN)
         meshes = np.bincount(texels.surfaces.mesh[asked], minlength=len(scene.meshes)) > 0
-        picture = shade(Layout(atlas.size, texels.page_count, atlas.page, atlas.uv), meshes, quantity).reshape(-1, 3)
-        chosen = np.flatnonzero(asked[triangle])
-        colors, warnings = within_physics(
-            picture[texels.pixel[chosen]], quantity, triangle[chosen], scene, texels.surfaces
-        )
+        layout = Layout(atlas.size, texels.page_count, atlas.page, atlas.uv)
+        picture = shade(layout, meshes, quantity, **seen).reshape(-1, 3)
+        own = np.flatnonzero(asked[triangle])
+        colors, warnings = within_physics(picture[texels.pixel[own]], quantity, triangle[own], scene, texels.surfaces)
         found: Float32 = values[quantity][:]
-        found[chosen] = colors
-        _, weights = texels.footprints.at(behind, np.zeros_like(behind))
-        front = texels.at(*on_front(texels.surfaces, triangle[behind], weights))
-        found[behind] = found[front]
+        found[own] = colors
         values[quantity] = found
         said += warnings
-    group = np.array([entry.group for entry in scene.materials], np.int32)[material]
-    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, texels.footprints)), said
+    return values, said
+
+
+def _show_twins(values: Looks, others: Looks, scene: Scene, texels: Texels) -> None:
+    """Let twins look, in place, as what they are twins of does from behind, where that varies."""
+    triangle = texels.triangle[:]
+    for quantity in SHOWN:
+        shown = others[quantity]
+        if not isinstance(shown, np.ndarray):
+            continue
+        varies = np.array([quantity in entry.varies for entry in scene.materials])
+        twins = np.flatnonzero(varies[texels.surfaces.material[triangle]] & (triangle >= texels.surfaces.fronts))
+        _, weights = texels.footprints.at(twins, np.zeros_like(twins))
+        found: Float32 = values[quantity][:]
+        found[twins] = shown[texels.at(*on_front(texels.surfaces, triangle[twins], weights))]
+        values[quantity] = found
 
 
 def within_physics(

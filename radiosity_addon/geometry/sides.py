@@ -29,15 +29,16 @@ def backs_of(meshes: Sequence[Mesh]) -> dict[int, int]:
 
 def with_backs(scene: Scene) -> Scene:
     """The scene with a record of the backs of each two-sided mesh after all others; itself where there is none."""
-    backs = [_back(scene.meshes[index], index) for index in backs_of(scene.meshes)]
+    backs = [_back(scene.meshes[index], index, scene.behind) for index in backs_of(scene.meshes)]
     return replace(scene, meshes=(*scene.meshes, *backs)) if backs else scene
 
 
-def _back(mesh: Mesh, index: int) -> Mesh:
+def _back(mesh: Mesh, index: int, behind: Int32) -> Mesh:
     return replace(
         mesh,
         triangles=np.ascontiguousarray(mesh.triangles[:, TURNED]),
         corner_normals=-mesh.corner_normals[:, TURNED],
+        material=behind[mesh.material],
         corner=np.ascontiguousarray(mesh.corner[:, TURNED]),
         uv=None if mesh.uv is None else _mirrored(mesh.uv),
         flat=None if mesh.flat is None else partial(_mirrored_flat, mesh.flat),

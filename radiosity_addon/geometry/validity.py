@@ -40,11 +40,18 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     up = np.where(np.arange(count * LAMP_RAYS) % 2, 1, -1).astype(np.float32)
     axes = np.stack([np.zeros_like(up), np.zeros_like(up), up], axis=1)
     emission = np.array([material.emission for material in scene.materials] or [(0, 0, 0)])
-    glowing = np.flatnonzero((emission > 0).any(1)[surfaces.material])
-    glowing = glowing[:: max(1, len(glowing) // EMITTERS)]
-    lifted = surfaces.corners[glowing].mean(1) + surfaces.normal[glowing] * np.float32(surfaces.offset)
+    shines = (emission > 0).any(1)
+    seen_behind = scene.behind[surfaces.material]
+    fronts = np.flatnonzero(shines[surfaces.material])
+    backs = np.flatnonzero(shines[seen_behind] & (seen_behind != surfaces.material))
+    glowing = np.append(fronts, backs)
+    side = np.where(np.arange(len(glowing)) < len(fronts), np.float32(1), np.float32(-1))
+    step = max(1, len(glowing) // EMITTERS)
+    glowing = glowing[::step]
+    ways = surfaces.normal[glowing] * side[::step, None]
+    lifted = surfaces.corners[glowing].mean(1) + ways * np.float32(surfaces.offset)
     starts = np.concatenate([points[ids], np.repeat(lifted, 4, axis=0)])
-    normals = np.concatenate([axes, np.repeat(surfaces.normal[glowing], 4, axis=0)])
+    normals = np.concatenate([axes, np.repeat(ways, 4, axis=0)])
     rays = np.arange(len(starts))
     hits = shells.first_hit(starts, cosine_directions(normals, hash_uniform(rays, 0), hash_uniform(rays, 1)))
     visibility.include(shells)

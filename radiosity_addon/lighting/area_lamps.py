@@ -48,7 +48,7 @@ class PanelLamp(Lamp):
         area: m2
         two_sided: shines to both sides
         box: (2, 3) float32 lowest and highest corner: a closed body, which receivers outside the box see from its front
-            only; None for others
+            only, those inside it from both if it is two-sided; None for others
         emitter: number of the emissive surface that it stands for; -1 for none
         leads: it is that surface's first lamp, with which goes what the surface throws on itself
     """
@@ -81,7 +81,7 @@ class PanelLamp(Lamp):
         total = np.zeros(len(points), np.float32)
         for polygon in self.polygons:
             total += polygon_light(polygon, points, shading, geometric)
-        if self.box is not None:
+        if self.box is not None and self.two_sided:
             within = np.flatnonzero(~outside(self.box, points.T))
             if len(within):
                 below = None if geometric is None else geometric[within]

@@ -29,6 +29,9 @@ CLEAR = 0.5
 ALIKE = 1e-3
 """Colours that differ by this share of the brightest only in brightness are one."""
 
+BOTH, FRONT, BACK = 0, 1, -1
+"""Sides that surfaces shine on."""
+
 FLAT = 1e-5
 """Largest distance of a quad's fourth corner from the plane of the others, and from a parallelogram, as a share."""
 
@@ -37,6 +40,8 @@ def emissive_lamps(
     scene: Scene, surfaces: Surfaces, glow: Glow | None = None
 ) -> tuple[list[PanelLamp], Bools, OwnFaces]:
     """Lamps that stand for emissive triangles, one for each mesh and material, or one a channel where colours vary.
+
+    Where the two faces do not shine alike, each has lamps of its own.
 
     Args:
         glow: what triangles emit whose emission varies; without it they emit their material's constant
@@ -47,42 +52,66 @@ def emissive_lamps(
     sampled = np.zeros(surfaces.count, bool)
     lamps: list[PanelLamp] = []
     emission = np.array([material.emission for material in scene.materials] or [(0, 0, 0)], np.float64)
-    bright = (emission > 0).any(1)[surfaces.material]
+    shines = (emission > 0).any(1)
+    bright = (shines | shines[scene.behind])[surfaces.material]
     if glow is not None:
-        bright[glow.triangle] = glow.radiance.any((1, 2))
+        bright[glow.triangle] = glow.bright
     glowing = np.flatnonzero(bright & (surfaces.area > 0) & surfaces.met)
     owner = surfaces.mesh[glowing].astype(np.int64) * max(len(scene.materials), 1) + surfaces.material[glowing]
     polygon = np.concatenate([mesh.polygon for mesh in scene.meshes] or [np.zeros(0, np.int32)])
-    known: list[tuple[Int64, Material]] = []
+    known: list[tuple[Int64, Material, Material]] = []
     for emitter in np.unique(owner):
         triangles = glowing[owner == emitter]
-        material = scene.materials[surfaces.material[triangles[0]]]
+        number = surfaces.material[triangles[0]]
+        material, behind = scene.materials[number], scene.materials[scene.behind[number]]
         missed = np.mean(material.transmittance) > CLEAR
-        picture = glow if "emission" in material.varies else None
-        shining = surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
+        sides = _sides(material, behind, glow if "emission" in material.varies else None)
+        shining = max(
+            surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
+            for _, _, picture in sides
+        )
         if missed or shining <= LARGEST * surfaces.area.sum():
-            if picture is not None:
-                found = _pictures(surfaces, triangles, picture, material)
-            else:
-                found = [_emitter(surfaces, triangles, polygon, material)]
+            found = []
+            for side, look, picture in sides:
+                if picture is None:
+                    found.append(_emitter(surfaces, triangles, polygon, look, side))
+                else:
+                    found += _pictures(surfaces, triangles, picture, look, side)
             lamps += [replace(lamp, emitter=len(known), leads=lamp is found[0]) for lamp in found]
-            known.append((triangles, material))
+            known.append((triangles, material, behind))
             sampled[triangles] = True
     if glow is not None:
         sampled[glow.triangle] |= ~bright[glow.triangle]  # black all over: nothing to find there
     return lamps, sampled, OwnFaces.of(known, surfaces, glow)
 
 
-def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Material) -> list[PanelLamp]:
+def _sides(material: Material, behind: Material, glow: Glow | None) -> list[tuple[int, Material, Glow | None]]:
+    """What of a surface shines, with its picture if it has one: both faces alike, or one of them, or each by itself."""
+    backs = glow if glow is None or glow.backs is None else glow.backs
+    if behind is material or (glow is None and behind.emission == material.emission):
+        return [(BOTH, material, glow)]
+    sides = [(FRONT, material, glow), (BACK, behind, backs)]
+    return [side for side in sides if side[2] is not None or any(side[1].emission)]
+
+
+def _turned(surfaces: Surfaces, triangles: Int64, side: int) -> tuple[Bools, Float32 | None]:
+    """Which triangles (M,) to turn so that they shine from their fronts, and the bounding box of closed bodies."""
+    if side == BACK or not surfaces.closed[triangles].all():
+        return np.full(len(triangles), side == BACK), None
+    inward, box = _body(surfaces, triangles)
+    return inward & (side == BOTH), box
+
+
+def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Material, side: int) -> list[PanelLamp]:
     """Lamps of an emitter whose emission varies: pieces, each with its own radiance, as one lamp for each channel.
 
     Where colours are alike but for their brightness one lamp does for all channels.
     """
     corners, radiance, owner = glow.pieces(triangles, surfaces.corners[triangles].astype(np.float64))
-    box: Float32 | None = None
-    if surfaces.closed[triangles].all():
-        inward, box = _body(surfaces, triangles)
-        corners[inward[owner]] = corners[inward[owner]][:, ::-1]
+    if not len(corners):
+        return []
+    turned, box = _turned(surfaces, triangles, side)
+    corners[turned[owner]] = corners[turned[owner]][:, ::-1]
     color = radiance.mean(0) / radiance.mean()
     level = radiance.mean(1)
     if np.abs(radiance - level[:, None] * color).max() < ALIKE * level.max():
@@ -98,10 +127,9 @@ def _pictures(surfaces: Surfaces, triangles: Int64, glow: Glow, material: Materi
     corners, levels = corners[order], levels[order]
     mixed = levels.mean(1)
     alike = len(colors) == 1
+    group, both = material.group, side == BOTH
     return [
-        _picture(
-            corners, mixed, number, color * mean[number], tree, box, material.group, None if alike else own / mixed
-        )
+        _picture(corners, mixed, number, color * mean[number], tree, box, group, None if alike else own / mixed, both)
         for number, (own, color) in enumerate(zip(levels.T, colors, strict=True))
     ]
 
@@ -121,12 +149,14 @@ def _picture(
     box: Float32 | None,
     group: int,
     tint: Float64 | None,
+    both: bool,
 ) -> MeshLamp:
     """A lamp of triangles that shine at different levels; samples fall on them by the light of all channels alike.
 
     Args:
         radiance: (3,) mean of the lamp's channel
         tint: level in that channel, as a share of `level`
+        both: shines to both sides
     """
     edge_u, edge_v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     cross = np.cross(edge_u, edge_v)
@@ -142,7 +172,7 @@ def _picture(
         ends=(np.cumsum(weight) / weight.sum()).astype(np.float32),
         shape="triangle",
         area=float(weight.sum() / 2),
-        two_sided=True,
+        two_sided=both,
         box=box,
         shadow=True,
         group=group,
@@ -156,23 +186,22 @@ def _rgb(values: Float64) -> RGB:
     return (float(values[0]), float(values[1]), float(values[2]))
 
 
-def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Material) -> PanelLamp:
+def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Material, side: int) -> PanelLamp:
     # neighbours on the surface are neighbours in the list, so that even samples of the list are even on the surface
     place = halved(surfaces.corners[triangles].mean(1), max(len(triangles) - 1, 1).bit_length())
     triangles = triangles[np.argsort(place, kind="stable")]
     corners = surfaces.corners[triangles].astype(np.float64)
-    box: Float32 | None = None
-    if surfaces.closed[triangles].all():
-        inward, box = _body(surfaces, triangles)
-        corners[inward] = corners[inward][:, ::-1]
+    turned, box = _turned(surfaces, triangles, side)
+    corners[turned] = corners[turned][:, ::-1]
     quads = _quads(corners, polygon[triangles])
     merged = {index for pair, _ in quads for index in pair}
     loose = [k for k in range(len(corners)) if k not in merged]
     few = len(quads) + len(loose) <= POLYGONS
     shapes: list[Polygon] = []
     if few:
-        shapes = [_polygon(quad, box is None) for _, quad in quads]
-        shapes += [convex_polygon(corners[k], box is None) for k in loose]
+        both = side == BOTH and box is None
+        shapes = [_polygon(quad, both) for _, quad in quads]
+        shapes += [convex_polygon(corners[k], both) for k in loose]
     plain = few and not loose and all(_is_parallelogram(quad) for _, quad in quads)
     cells = np.array([quad[[0, 1, 3]] for _, quad in quads]) if plain else corners
     edge_u, edge_v = cells[:, 1] - cells[:, 0], cells[:, 2] - cells[:, 0]
@@ -188,7 +217,7 @@ def _emitter(surfaces: Surfaces, triangles: Int64, polygon: Int32, material: Mat
         "ends": (np.cumsum(size) / size.sum()).astype(np.float32),
         "shape": "parallelogram" if plain else "triangle",
         "area": float(surfaces.area[triangles].sum()),
-        "two_sided": True,
+        "two_sided": side == BOTH,
         "box": box,
         "shadow": True,
         "group": material.group,

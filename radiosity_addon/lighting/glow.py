@@ -7,11 +7,11 @@ evenly over it. An emitter is cut into small triangles, each as bright as the te
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Int64
+from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..geometry.appearance import within_physics
 from ..geometry.surfaces import Surfaces
 from ..scene import Scene
@@ -39,6 +39,7 @@ class Glow:
         edge: texels along a triangle's legs
         radiance: (K, S, 3) float32, W/(m2 sr), at points spread evenly over each
         u, v: (S,) barycentrics of the points
+        backs: what the same triangles emit behind; None: all the same
     """
 
     triangle: Int64
@@ -46,6 +47,13 @@ class Glow:
     radiance: Float32
     u: Float64
     v: Float64
+    backs: Glow | None = None
+
+    @property
+    def bright(self) -> Bools:
+        """(K,) which of them emit anything on either side."""
+        shines: Bools = self.radiance.any((1, 2))
+        return shines if self.backs is None else shines | self.backs.bright
 
     def extent(self, triangles: Int64, area: Float64) -> float:
         """The area, m2, of an even emitter whose light is as much concentrated: small if little of a wall is bright.
@@ -121,11 +129,23 @@ def glow_of(scene: Scene, surfaces: Surfaces, shade: Shader | None) -> tuple[Glo
         page=np.where(meshes, 0, -1).astype(np.int32),
         uv=tuple(uv[first:last] for first, last in zip(surfaces.first[:-1], surfaces.first[1:], strict=True)),
     )
-    page = shade(layout, meshes, "emission")[0]
     column, row = (part.ravel() for part in np.meshgrid(np.arange(edge), np.arange(edge)))
     column, row = column[column + row <= edge - 2], row[column + row <= edge - 2]
-    shown = page[corner[:, 1:] + row, corner[:, :1] + column]
-    owner = np.repeat(chosen, len(row))
-    radiance, warnings = within_physics(shown.reshape(-1, 3), "emission", owner, scene, surfaces)
     u, v = ((place + 0.5).astype(np.float64) / leg for place in (column, row))
-    return Glow(chosen, edge, radiance.reshape(shown.shape), u, v), warnings
+
+    def seen(page: Float32, those: Int64) -> tuple[Float32, tuple[str, ...]]:
+        """What a page shows of some of the chosen triangles, (N, S, 3)."""
+        shown = page[corner[those, 1:] + row, corner[those, :1] + column]
+        owner = np.repeat(chosen[those], len(row))
+        radiance, said = within_physics(shown.reshape(-1, 3), "emission", owner, scene, surfaces)
+        return radiance.reshape(shown.shape), said
+
+    radiance, warnings = seen(shade(layout, meshes, "emission")[0], np.arange(len(chosen)))
+    glow = Glow(chosen, edge, radiance, u, v)
+    unlike = np.flatnonzero((scene.behind != np.arange(len(scene.materials)))[surfaces.material[chosen]])
+    if len(unlike):
+        meshes = np.bincount(surfaces.mesh[chosen[unlike]], minlength=len(meshes)) > 0
+        behind = radiance.copy()
+        behind[unlike], more = seen(shade(layout, meshes, "emission", behind=True)[0], unlike)
+        glow, warnings = replace(glow, backs=replace(glow, radiance=behind)), warnings + more
+    return glow, warnings

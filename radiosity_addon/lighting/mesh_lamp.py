@@ -79,8 +79,8 @@ class MeshLamp(PanelLamp):
         """Light (C, K, B) at receivers (3, K, B)."""
         assert self.tree is not None
         total = np.zeros((len(channels), *p.shape[1:]), np.float32)
-        both = np.ones(p.shape[1:], bool)
-        if self.box is not None:
+        both = np.full(p.shape[1:], self.two_sided)
+        if self.two_sided and self.box is not None:
             both = ~outside(self.box, p.reshape(3, -1)).reshape(both.shape)
         block, node, points = self.tree.cut(Blocks.of(p, normals))
         step = max(PAIRS // p.shape[2], 1)

@@ -56,7 +56,8 @@ class OwnFaces:
 
     Attributes:
         emitter: (F,) int32, number of a triangle's emitter, -1 for none
-        radiance: (E, 3) float32, W/(m2 sr), that of its constant, or the largest that its picture has
+        radiance: (E, 3) float32, W/(m2 sr), that of its constant, or the largest that its picture or either face has
+        faces: (E, 2, 3) float32, that of fronts and of backs as a share of it; None: all shine alike on both
         group: (E,) int64, light groups
         hollow: (E,) bool, may see itself
         picture: (E,) bool, shows what `glow` has
@@ -66,6 +67,7 @@ class OwnFaces:
 
     emitter: Int32
     radiance: Float32
+    faces: Float32 | None
     group: Int64
     hollow: Bools
     picture: Bools
@@ -73,20 +75,29 @@ class OwnFaces:
     bend: Float32 | None
 
     @classmethod
-    def of(cls, emitters: Sequence[tuple[Int64, Material]], surfaces: Surfaces, glow: Glow | None) -> OwnFaces:
-        """Of emitters, each with its triangles and what they are made of."""
-        faces = np.full(surfaces.count, -1, np.int32)
-        radiance = np.zeros((len(emitters), 3), np.float32)
+    def of(
+        cls, emitters: Sequence[tuple[Int64, Material, Material]], surfaces: Surfaces, glow: Glow | None
+    ) -> OwnFaces:
+        """Of emitters, each with its triangles and what they are made of, seen from the front and from behind."""
+        owner = np.full(surfaces.count, -1, np.int32)
+        radiance = np.zeros((len(emitters), 2, 3), np.float32)
         hollow, picture = np.zeros((2, len(emitters)), bool)
-        for number, (triangles, material) in enumerate(emitters):
-            faces[triangles] = number
-            hollow[number] = is_hollow(surfaces.corners[triangles], bool(surfaces.closed[triangles].all()))
+        for number, (triangles, material, behind) in enumerate(emitters):
+            owner[triangles] = number
+            outside = behind is material and bool(surfaces.closed[triangles].all())
+            hollow[number] = is_hollow(surfaces.corners[triangles], outside)
             picture[number] = glow is not None and "emission" in material.varies
-            radiance[number] = material.emission
+            radiance[number] = material.emission, behind.emission
             if glow is not None and picture[number]:
-                radiance[number] = glow.radiance[np.searchsorted(glow.triangle, triangles)].max((0, 1))
-        group = np.array([material.group for _, material in emitters], np.int64)
-        return cls(faces, radiance, group, hollow, picture, glow, surfaces.bend if surfaces.bends else None)
+                rows = np.searchsorted(glow.triangle, triangles)
+                radiance[number] = [side.radiance[rows].max((0, 1)) for side in (glow, glow.backs or glow)]
+        group = np.array([material.group for _, material, _ in emitters], np.int64)
+        brightest: Float32 = radiance.max(1)
+        faces: Float32 | None = None
+        if any(behind is not material for _, material, behind in emitters):
+            faces = np.asarray(radiance / np.maximum(brightest, np.float32(1e-30))[:, None], np.float32)
+        bend = surfaces.bend if surfaces.bends else None
+        return cls(owner, brightest, faces, group, hollow, picture, glow, bend)
 
     def put_out(self, emitter: int, light: Float32, triangle: Int32) -> None:
         """Put out, in place, an emitter's light (P,) on points of triangles (P,) of its own."""
@@ -101,7 +112,7 @@ class OwnFaces:
 
     def channels(self, visibility: Visibility) -> int:
         """Colours that `seen` tells apart: 1 or 3."""
-        return 3 if visibility.channels > 1 or self.picture.any() else 1
+        return 3 if visibility.channels > 1 or self.picture.any() or self.faces is not None else 1
 
     def seen(
         self,
@@ -128,9 +139,15 @@ class OwnFaces:
         met = np.append(self.emitter, np.int32(-1))[hits.triangle] == own
         met &= dots(ways, faces) > 0
         share = np.repeat(met[None].astype(np.float32), self.channels(visibility), axis=0)
+        if self.faces is not None:
+            some = np.flatnonzero(met)
+            share[:, some] = self.faces[own[some], np.where(hits.front[some], 0, 1)].T
         if self.glow is not None:
             varied = np.flatnonzero(met & self.picture[own])
-            shown = self.glow.at(hits.triangle[varied], hits.u[varied], hits.v[varied])
+            where = hits.triangle[varied], hits.u[varied], hits.v[varied]
+            shown = self.glow.at(*where)
+            if self.glow.backs is not None:
+                shown = np.where(hits.front[varied, None], shown, self.glow.backs.at(*where))
             share[:, varied] = (shown / np.maximum(self.radiance[own[varied]], np.float32(1e-30))).T
         if hits.tint is not None:
             share *= hits.tint.T

@@ -88,7 +88,9 @@ def _exchange(
     log: StageLog,
 ) -> Generator[Progress, None, Exchange]:
     scene, look, workers = start.scene, start.look, settings.workers
-    glow = np.pi * look.emission
+    glow, rear = np.pi * look.emission, None
+    if look.behind is not None:
+        rear = look.behind.reflectance, np.pi * look.behind.emission
     patches = group_patches(
         start.texels,
         start.walls,
@@ -100,6 +102,7 @@ def _exchange(
         workers,
         start.opacity,
         levels,
+        rear,
     )
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, start.sky))
     sky = sky_irradiance(transport, scene)

@@ -167,6 +167,7 @@ def group_patches(
     workers: int = 1,
     opacity: Opacity | None = None,
     levels: Int32 | None = None,
+    rear: tuple[Float32 | ByTriangle, Float32 | ByTriangle] | None = None,
 ) -> Patches:
     """Group texels into about `target` patches, none of which lies on both sides of a wall.
 
@@ -178,6 +179,7 @@ def group_patches(
         solid: (F,) bool, triangles that nothing sees from behind
         opacity: what texels stop; None: everything
         levels: (T,) how often cells are halved at each texel, fronts alone; None: nowhere
+        rear: reflectance and emission from behind; None: the same
     """
     stopping = texels.area if opacity is None else texels.area * opacity.share
     taking = numbers_of(texels.valid & (stopping > 0))
@@ -195,21 +197,22 @@ def group_patches(
         return whole[chosen], len(seat)
 
     front, fronts = parted(*_cells(texels, taking, width, levels), taking, walls.border, 1)
-    rear = taking[hollow]
+    hollows = taking[hollow]
     some = _chessboard(texels)  # of backs: walls were looked for on fronts
-    behind, backs = parted(*_cells(texels, rear, width * BACK_COARSENESS), rear, some, -1)
+    behind, backs = parted(*_cells(texels, hollows, width * BACK_COARSENESS), hollows, some, -1)
     behind += np.int32(fronts)
     count = fronts + backs
 
     del some, hollow
     area = np.zeros(count)
     light = np.zeros((2, count, 3))  # reflectance and emission
-    for owner, texel in ((front, taking), (behind, rear)):
+    shown = (reflectance, emission)
+    for owner, texel, side in ((front, taking, shown), (behind, hollows, rear or shown)):
         for part in _parts(len(texel)):
             own, patch = texel[part], owner[part]
             weight = stopping[own].astype(np.float64)
             area += np.bincount(patch, weight, count)
-            for total, values in zip(light, (reflectance, emission), strict=True):
+            for total, values in zip(light, side, strict=True):
                 _add_sums(total, patch, weight, values.take(own, axis=0))
     light /= np.maximum(area, 1e-30)[:, None]
 
@@ -218,7 +221,7 @@ def group_patches(
     of_element[texels.count :] = np.arange(count)
     _join_lonely(of_element, texels, visibility)
     back = np.full(texels.count, NOTHING, np.int32)
-    back[rear] = behind
+    back[hollows] = behind
     return Patches(
         area=area,
         reflectance=light[0].astype(np.float32),
@@ -229,7 +232,7 @@ def group_patches(
         texels=texels,
         stopping=stopping,
         walls=walls,
-        strata=PatchStrata.of([(front, taking), (behind, rear)], sending(texels, opacity), count),
+        strata=PatchStrata.of([(front, taking), (behind, hollows)], sending(texels, opacity), count),
     )
 
 

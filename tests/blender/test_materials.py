@@ -11,7 +11,6 @@ import pytest
 
 from radiosity_addon.blender.looks.materials import read_material
 from radiosity_addon.blender.looks.nodes import LinkCycle
-from radiosity_addon.blender.looks.surface_inputs import Asking
 from radiosity_addon.errors import SceneError
 from radiosity_addon.scene import MAX_REFLECTANCE, Material
 from tests.blender.read_trees import Tree, rgb
@@ -303,15 +302,6 @@ def test_a_tree_that_feeds_back_is_told_from_a_deep_one():
     tree.link(shader, tree.tree.nodes["Add Shader"], 1)
     with pytest.raises(LinkCycle):
         tree.read()
-
-
-def test_a_tree_that_tells_backs_from_fronts_says_that_a_bake_does_not():
-    tree = Tree()
-    mix = tree.node("MixShader")
-    tree.link(tree.node("NewGeometry"), mix, 0, "Backfacing")
-    tree.link(tree.node("Emission"), mix, 1)
-    tree.show(mix)
-    assert Asking.of(tree.tree).unanswered == ("Geometry tells no backs from fronts: both look as the front",)
 
 
 # Cycles as judge

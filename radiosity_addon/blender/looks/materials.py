@@ -19,12 +19,27 @@ from ...errors import SceneError
 from ...microfacet import dielectric_albedo, dielectric_gloss, mean_pane_transmittance, metal_albedo, metal_gloss
 from ...scene import MAX_REFLECTANCE, RGB, Gloss, Material
 from ...shading import QUANTITIES, Quantity
-from .nodes import LIGHT_PATH, SHADOW_PATH, Groups, LinkCycle, approximate, follow, is_only_volume, known, likely
+from .nodes import (
+    BEHIND,
+    LIGHT_PATH,
+    SHADOW_PATH,
+    Groups,
+    LinkCycle,
+    approximate,
+    follow,
+    is_only_volume,
+    known,
+    likely,
+)
+from .surface_inputs import tells_sides
 
 BLACK = np.zeros(3)
 WHITE = np.ones(3)
 DEFAULT_REFLECTANCE = (0.8, 0.8, 0.8)
 """Cycles' surface where there is no material."""
+
+FROM_FRONT: Mapping[str, float] = {}
+"""As `nodes.BEHIND`, of rays that meet a surface from the front."""
 
 GOLDEN = (5**0.5 - 1) / 2
 
@@ -80,8 +95,32 @@ def clear(color: Float64) -> Shading:
     return Shading(transmittance=color, refracted=color)
 
 
-def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -> Material:
+def read_sides(material: bpy.types.Material | None, group: int, warn: Warn) -> tuple[Material, Material | None]:
+    """A material's records: from the front and, if it looks otherwise there, from behind.
+
+    Raises as `read_material`.
+    """
+    front = read_material(material, group, warn)
+    tree = None if material is None else tree_of(material)
+    if tree is None or not tells_sides(tree):
+        return front, None
+    back = read_material(material, group, warn, BEHIND)
+    if back == front and not front.varies:
+        return front, None
+    if (back.transmittance, back.ior) != (front.transmittance, front.ior):
+        warn("lets light through otherwise from behind, which is not followed: both faces look as the front")
+        return front, None
+    shared = {"varies": front.varies | back.varies, "group": max(front.group, back.group)}
+    return replace(front, **shared), replace(back, **shared)
+
+
+def read_material(
+    material: bpy.types.Material | None, group: int, warn: Warn, side: Mapping[str, float] = FROM_FRONT
+) -> Material:
     """A material's record; `warn` hears what had to be approximated.
+
+    Args:
+        side: what the rays are besides, by output of the Geometry node
 
     Raises:
         SceneError: it emits NaN or infinity
@@ -94,7 +133,7 @@ def read_material(material: bpy.types.Material | None, group: int, warn: Warn) -
     if tree is None:
         shading = Shading(np.array(material.diffuse_color[:3], np.float64))
     else:
-        shading, varies = read_varying(tree, warn)
+        shading, varies = read_varying(tree, warn, side)
     subject = f"Material {material.name!r}"
     emission = _finite(shading.emission, subject, "emission")
     reflectance = _finite(shading.reflectance, subject, "reflectance")
@@ -135,7 +174,9 @@ def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
     return _surface(tree, _Reader(warn, partial(approximate, warn=warn)))
 
 
-def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozenset[Quantity]]:
+def read_varying(
+    tree: bpy.types.NodeTree, warn: Warn, side: Mapping[str, float] = FROM_FRONT
+) -> tuple[Shading, frozenset[Quantity]]:
     """What the output that Cycles takes shows on average, and which of it varies over the surface.
 
     A quantity varies if it is not the same for two guesses at what is computed.
@@ -144,20 +185,22 @@ def read_varying(tree: bpy.types.NodeTree, warn: Warn) -> tuple[Shading, frozens
         LinkCycle: the tree feeds back into itself
     """
     guesses = _Guesses(0), _Guesses(1)
-    first = _as_rays_meet_it(tree, guesses[0], warn)
+    first = _as_rays_meet_it(tree, side, guesses[0], warn)
     if not guesses[0].made:
         return first, frozenset()
-    second = _as_rays_meet_it(tree, guesses[1])
+    second = _as_rays_meet_it(tree, side, guesses[1])
     differ = first.unlike(second)
-    mean = _as_rays_meet_it(tree, lambda node, name, groups: likely(node.inputs[name], groups))
+    mean = _as_rays_meet_it(tree, side, lambda node, name, groups: likely(node.inputs[name], groups))
     mean = replace(mean, glosses=mean.glosses if first.glosses == second.glosses else ())
     return mean, frozenset(quantity for quantity in QUANTITIES if quantity in differ)
 
 
-def _as_rays_meet_it(tree: bpy.types.NodeTree, stand_in: StandIn, warn: Warn | None = None) -> Shading:
+def _as_rays_meet_it(
+    tree: bpy.types.NodeTree, side: Mapping[str, float], stand_in: StandIn, warn: Warn | None = None
+) -> Shading:
     """What shadow rays are let through, and what others see."""
-    shown = _surface(tree, _Reader(warn or _say_nothing, stand_in))
-    passed = _surface(tree, _Reader(_say_nothing, stand_in, SHADOW_PATH))
+    shown = _surface(tree, _Reader(warn or _say_nothing, stand_in, {**LIGHT_PATH, **side}))
+    passed = _surface(tree, _Reader(_say_nothing, stand_in, {**SHADOW_PATH, **side}))
     return replace(shown, transmittance=passed.transmittance, refracted=passed.refracted)
 
 

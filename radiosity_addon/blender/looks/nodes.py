@@ -29,6 +29,11 @@ LIGHT_PATH = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0}
 SHADOW_PATH = {"Is Shadow Ray": 1.0}
 """The same of rays that ask how much light a surface lets through."""
 
+BEHIND = {"Backfacing": 1.0}
+"""Besides, of rays that meet a surface from behind: an output of the Geometry node."""
+
+LEAST_IOR = 1e-5
+
 
 SEE_ANGLES = ("FRESNEL", "LAYER_WEIGHT")
 """Types of nodes whose outputs depend on the direction from which a surface is seen."""
@@ -94,7 +99,7 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
     """The constant that an input receives, (3,), numbers repeated; None where it is computed.
 
     Args:
-        path: what the rays are, by output of the Light Path node
+        path: what the rays are, by output of the Light Path node and of the Geometry node
     """
     end, groups = follow(socket, groups)
     if not end.is_output or end.node.type in ("RGB", "VALUE"):
@@ -105,24 +110,27 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
         kelvin = known(end.node.inputs["Temperature"], groups)
         return None if kelvin is None else blackbody_color(float(kelvin[0]))
     if end.node.type in SEE_ANGLES:
-        return from_all_around(end, groups)
-    return np.full(3, path.get(end.name, 0.0)) if end.node.type == "LIGHT_PATH" else None
+        return from_all_around(end, groups, "Backfacing" in path)
+    asks_ray = end.node.type == "LIGHT_PATH" or (end.node.type, end.name) == ("NEW_GEOMETRY", "Backfacing")
+    return np.full(3, path.get(end.name, 0.0)) if asks_ray else None
 
 
-def from_all_around(output: bpy.types.NodeSocket, groups: Groups = ()) -> Float64 | None:
+def from_all_around(output: bpy.types.NodeSocket, groups: Groups = (), behind: bool = False) -> Float64 | None:
     """What a node that gives more or less by the angle at which it is seen gives to uniform light, on average.
 
-    So much counts of it in light that falls on a surface, or leaves it, in all directions.
+    So much counts of it in light that falls on a surface, or leaves it, in all directions. From `behind` the surface
+    seems to be that of the outside, seen from within.
     """
     asked = known(output.node.inputs["IOR" if output.node.type == "FRESNEL" else "Blend"], groups)
     if asked is None:
         return None
     value = float(asked[0])
     if output.node.type == "FRESNEL":
-        return np.full(3, mean_fresnel(max(value, 1.0)))
-    blend = min(max(value, 0.0), 1 - 1e-5)
+        ior = max(value, LEAST_IOR)
+        return np.full(3, mean_fresnel(1 / ior if behind else ior))
+    blend = min(max(value, 0.0), 1 - LEAST_IOR)
     if output.name == "Fresnel":
-        return np.full(3, mean_fresnel(1 / (1 - blend)))
+        return np.full(3, mean_fresnel(1 - blend if behind else 1 / (1 - blend)))
     exponent = 2 * blend if blend < 0.5 else 0.5 / (1 - blend)  # as in Cycles, svm/fresnel.h: 1 - cosine^exponent
     return np.full(3, exponent / (2 + exponent))
 

@@ -56,14 +56,7 @@ class Asking:
             inputs=frozenset(linked | unlinked),
             own_space=any(map(_asks_own_space, nodes)),
             islands=any(map(_asks_islands, nodes)),
-            unanswered=(
-                *(f"{node.name} {UNANSWERED[node.type]}" for node in nodes if node.type in UNANSWERED),
-                *(
-                    f"{node.name} tells no backs from fronts: both look as the front"
-                    for node in nodes
-                    if _asks_side(node)
-                ),
-            ),
+            unanswered=tuple(f"{node.name} {UNANSWERED[node.type]}" for node in nodes if node.type in UNANSWERED),
         )
 
 
@@ -117,8 +110,18 @@ def _asks_islands(node: bpy.types.Node) -> bool:
     return node.type == "NEW_GEOMETRY" and bool(node.outputs["Random Per Island"].is_linked)
 
 
-def _asks_side(node: bpy.types.Node) -> bool:
-    return node.type == "NEW_GEOMETRY" and bool(node.outputs["Backfacing"].is_linked)
+TELL_SIDES = {"NEW_GEOMETRY": "Backfacing", "FRESNEL": "Fac", "LAYER_WEIGHT": "Fresnel"}
+"""Outputs that are others from behind, by type of their nodes."""
+
+
+def tells_sides(tree: bpy.types.NodeTree) -> bool:
+    """Whether a tree or a group in it may look otherwise from behind."""
+    return any(
+        output.is_linked and output.identifier == TELL_SIDES.get(node.type)
+        for part in trees_within(tree)
+        for node in part.nodes
+        for output in node.outputs
+    )
 
 
 def ask_attributes(

@@ -51,14 +51,14 @@ class CyclesShader:
         self.extraction = extraction
         self.cycles = cycles or Cycles()
 
-    def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity) -> Float32:
+    def __call__(self, layout: Layout, meshes: Bools, quantity: Quantity, behind: bool = False) -> Float32:
         """Colours (page_count, size, size, 3), as Cycles has them.
 
         Raises:
             SceneError: the scene or a material is gone, or Cycles is disabled
         """
         records = self.extraction.scene.materials
-        varies = np.array([quantity in record.varies for record in records])
+        varies = np.array([quantity in record.varies and (record.back is not None or not behind) for record in records])
         parts: list[list[Part]] = [[] for _ in range(layout.page_count)]
         for index, mesh in enumerate(self.extraction.scene.meshes):
             chosen = np.flatnonzero(varies[mesh.material]) if meshes[index] and layout.page[index] >= 0 else ()
@@ -69,7 +69,7 @@ class CyclesShader:
         used = sorted(
             {int(index) for page in parts for part in page for index in np.unique(part.mesh.material[part.chosen])}
         )
-        return self.cycles.ask(partial(self._subject, used), bake_looks, parts, layout.size, quantity)
+        return self.cycles.ask(partial(self._subject, used), bake_looks, parts, layout.size, quantity, behind)
 
     def _subject(self, used: Sequence[int]) -> Subject:
         """The materials of these records, and the camera, which they may ask for."""
@@ -81,7 +81,7 @@ class CyclesShader:
 
 
 def bake_looks(
-    subject: Subject, parts: Sequence[Sequence[Part]], size: int, quantity: Quantity
+    subject: Subject, parts: Sequence[Sequence[Part]], size: int, quantity: Quantity, behind: bool
 ) -> Generator[None, None, Float32]:
     """How surfaces look, (page_count, size, size, 3), one bake after the other.
 
@@ -92,13 +92,14 @@ def bake_looks(
         parts: on each page
         size: texels along the edge of a page
         quantity: what is wanted
+        behind: of the backs
 
     Raises:
         SceneError: Cycles is disabled
     """
     pages = np.zeros((len(parts), size, size, 3), np.float32)
     asked = sorted({asked for page in parts for part in page for asked in part.surface.values})
-    studio = _Studio(subject, LookMaterials(quantity, asked))
+    studio = _Studio(subject, LookMaterials(quantity, asked, behind))
     with studio.opened():
         for page, on_page in zip(pages, parts, strict=True):
             if on_page:

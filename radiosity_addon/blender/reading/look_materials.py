@@ -11,7 +11,7 @@ import bpy
 from ...shading import Quantity
 from ..data.names import BAKE_KEY
 from ..looks.materials import tree_of
-from ..looks.nodes import LIGHT_PATH, SEE_ANGLES, SHADOW_PATH, from_all_around
+from ..looks.nodes import BEHIND, LIGHT_PATH, SEE_ANGLES, SHADOW_PATH, from_all_around
 from ..looks.preview_nodes import Color, Look, ShaderReader
 from ..looks.surface_inputs import Input, ask_attributes
 
@@ -19,12 +19,14 @@ from ..looks.surface_inputs import Input, ask_attributes
 class LookMaterials:
     """Copies for one quantity; `remove` takes them out again."""
 
-    def __init__(self, quantity: Quantity, asked: Sequence[Input]) -> None:
+    def __init__(self, quantity: Quantity, asked: Sequence[Input], behind: bool) -> None:
         """Args:
         quantity: what the copies emit
         asked: all that their trees ask for
+        behind: as what they cover looks from there
         """
         self.quantity = quantity
+        self.behind = behind
         self.names = {wanted: f"radiosity input {number}" for number, wanted in enumerate(asked)}
         self.token = uuid.uuid4().hex
         self._groups: dict[int, bpy.types.NodeTree] = {}
@@ -76,9 +78,11 @@ class LookMaterials:
                     _hold(tree, output, values.get(output.name, 0.0))
             elif node.type in SEE_ANGLES:
                 for output in node.outputs:
-                    mean = from_all_around(output)
+                    mean = from_all_around(output, behind=self.behind)
                     if mean is not None:
                         _hold(tree, output, float(mean[0]))
+            elif node.type == "NEW_GEOMETRY" and self.behind:
+                _hold(tree, node.outputs["Backfacing"], BEHIND["Backfacing"])
             elif node.type == "GROUP" and node.node_tree is not None:
                 node.node_tree = self._group(node.node_tree)
 

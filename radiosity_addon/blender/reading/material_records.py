@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The materials of a scene as records, one for each that is used in each light group."""
+"""The materials of a scene as records: one for each used in each light group, another for its back where unlike."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from ...arrays import Int32
 from ...scene import Material
 from ..data.names import original_material
-from ..looks.materials import read_material, tree_of
+from ..looks.materials import read_sides, tree_of
 from ..looks.nodes import LinkCycle, is_only_volume
 from ..looks.surface_inputs import Asking
 from .extraction import Notes, Skip
@@ -73,17 +75,19 @@ class MaterialRecords:
         evaluated = shown.evaluated_get(self._depsgraph) if shown is not None else None
         name = shown.name if shown is not None else ""
         try:
-            self.records.append(read_material(evaluated, group, self._notes.hears(f"Material {name!r} of {user}")))
+            front, back = read_sides(evaluated, group, self._notes.hears(f"Material {name!r} of {user}"))
         except LinkCycle as cycle:
             return cycle
+        index = len(self.records)
+        self.records += [front] if back is None else [replace(front, back=index + 1), back]
         output = tree.get_output_node("CYCLES") if evaluated and (tree := tree_of(evaluated)) else None
         if output is not None and is_only_volume(output):
-            self.volumes.add(len(self.records) - 1)
-        asking = Asking.of(evaluated.node_tree) if self.records[-1].varies else None
+            self.volumes.add(index)
+        asking = Asking.of(evaluated.node_tree) if front.varies else None
         for text in asking.unanswered if asking else ():
             self._notes.warn(f"Material {name!r} of {user}: {text}")
-        self.shown.append((shown.name_full if shown is not None else "", asking))
-        return len(self.records) - 1
+        self.shown += [(shown.name_full if shown is not None else "", asking)] * (len(self.records) - index)
+        return index
 
 
 def _used(of_slots: Int32, slot: Int32) -> Int32:
