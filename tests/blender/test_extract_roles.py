@@ -219,6 +219,19 @@ def test_an_object_behind_its_stand_in_is_read_in_its_place():
     assert (thing.hide_render, thing.hide_viewport, stand_in.hide_render) == (True, True, False)
 
 
+def test_a_stand_in_without_the_object_that_it_shows_is_named():
+    """As it comes out of another file alone."""
+    add_mesh("floor")
+    shown = bpy.data.objects.new("shown", bpy.data.meshes.new("shown"))
+    stand_in = add_mesh("stand-in")
+    stand_in[STAND_IN_KEY] = shown
+    stand_in.constraints.new("COPY_TRANSFORMS").target = shown
+    reason = "it shows the bake of an object that is not in the scene"
+    assert dict(extract().skipped) == {"stand-in": reason}
+    add(shown)
+    assert "stand-in" not in dict(extract().skipped)
+
+
 def test_a_preview_material_is_read_as_the_users_own():
     preview = emission("preview", 5)
     preview[PREVIEW_KEY], preview[ORIGINAL_MATERIAL_KEY] = True, diffuse("own", 0.25)

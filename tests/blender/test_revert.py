@@ -4,7 +4,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.data.names import UV_MAP, is_baked
+from radiosity_addon.blender.data.names import UV_MAP, is_baked, is_stand_in
 from radiosity_addon.blender.writing.revert import revert
 from tests.blender.baked import bake, quad
 from tests.blender.datablocks import differences, snapshot
@@ -188,3 +188,61 @@ def test_another_scenes_bake_stays(tmp_path):
     assert UV_MAP in wall.data.uv_layers
     assert wall.material_slots[0].material.name == "White (Radiosity 1)"
     assert floor.material_slots[0].material.name == "Grey"
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_what_two_baked_scenes_share_is_seen_until_both_are_reverted_and_then_as_before(tmp_path, order):
+    sofa = quad("Sofa", diffuse("White", 0.8))
+    sofa.modifiers.new("Subdivision", "SUBSURF").render_levels = 1
+    scenes = [bpy.context.scene, bpy.data.scenes.new("Other")]
+    scenes[1].collection.objects.link(sofa)
+    before = snapshot()
+    for scene in scenes:
+        bpy.context.window.scene = scene
+        bake([sofa], tmp_path)
+    stand_ins = [thing for thing in bpy.data.objects if is_stand_in(thing)]
+    assert [thing.hide_render for thing in stand_ins] == [False, False]
+    revert(scenes[order[0]])
+    assert sofa.hide_render
+    revert(scenes[order[1]])
+    bpy.context.window.scene = scenes[0]
+    assert differences(before, snapshot()) == []
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_what_was_joined_with_a_baked_mesh_is_baked_and_cleaned_with_it(tmp_path, again):
+    wall, shelf = quad("Wall", diffuse("White", 0.8)), quad("Shelf", diffuse("Grey", 0.4))
+    bake([wall], tmp_path)
+    wall.select_set(True)
+    shelf.select_set(True)
+    bpy.context.view_layer.objects.active = shelf
+    bpy.ops.object.join()
+    assert UV_MAP in shelf.data.uv_layers
+    if again:
+        bake([shelf], tmp_path)
+    revert(bpy.context.scene)
+    assert [layer.name for layer in shelf.data.uv_layers] == ["Map 0"]
+    assert [slot.material.name for slot in shelf.material_slots] == ["Grey", "White"]
+    assert sorted(material.name for material in bpy.data.materials) == ["Grey", "White"]
+    assert not list(shelf.data.keys())
+
+
+def test_the_bake_that_appended_objects_bring_along_gives_way_to_the_scenes_own(tmp_path):
+    cloth = diffuse("Cloth", 0.8)
+    sofa = quad("Sofa", cloth)
+    sofa.modifiers.new("Subdivision", "SUBSURF").render_levels = 1
+    bake([sofa, quad("Wall", cloth)], tmp_path)
+    library = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(library) as (_, wanted):
+        wanted.objects = ["Sofa", "Sofa (Radiosity)", "Wall"]
+    for thing in wanted.objects:
+        bpy.context.scene.collection.objects.link(thing)
+    bake([bpy.data.objects["Sofa"], bpy.data.objects["Wall"]], tmp_path)
+    assert sorted(bpy.data.objects.keys()) == ["Sofa", "Sofa (Radiosity)", "Wall"]
+    assert len(bpy.data.images) == 1
+    revert(bpy.context.scene)
+    assert {thing.name: thing.hide_render for thing in bpy.data.objects} == {"Sofa": False, "Wall": False}
+    assert list(bpy.data.materials.keys()) == ["Cloth"]
+    assert not bpy.data.images

@@ -82,6 +82,12 @@ def is_baked(scene: bpy.types.Scene) -> bool:
     return BAKE_KEY in scene
 
 
+def orphaned_bakes(scene: bpy.types.Scene) -> set[str]:
+    """Tokens of bakes that objects of the scene brought along from other files: no scene of this one carries them."""
+    found = {thing[BAKE_KEY] for thing in scene.objects if BAKE_KEY in thing}
+    return found - {each.get(BAKE_KEY) for each in bpy.data.scenes}
+
+
 def page_images(token: str) -> list[bpy.types.Image]:
     """The images of a bake's pages, as far as they are still there, in order; those of light groups are others."""
     own = [image for image in bpy.data.images if image.get(BAKE_KEY) == token and PAGE_KEY in image]
@@ -122,5 +128,5 @@ def original_world(world: bpy.types.World | None) -> bpy.types.World | None:
 
 
 def has_our_uv_map(mesh: bpy.types.Mesh) -> bool:
-    """Whether the mesh's uv map of our name was made by a bake."""
-    return UV_KEY in mesh and UV_MAP in mesh.uv_layers
+    """Whether the mesh's uv map of our name was made by a bake, of this mesh or of one that was joined to it."""
+    return UV_MAP in mesh.uv_layers and (UV_KEY in mesh or any(is_preview(each) for each in mesh.materials))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...arrays import Float64
 from ...errors import SceneError
-from .names import BACK_UV_MAP, UV_KEY, UV_MAP, has_our_uv_map
+from .names import BACK_UV_MAP, UV_MAP, has_our_uv_map
 
 MAX_COORDINATE = 1e15
 """m; beyond it squares overflow float32."""
@@ -69,7 +69,8 @@ def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mes
 
 def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
     wanted = (UV_MAP, BACK_UV_MAP) if is_two_sided(thing) else (UV_MAP,)
-    own = [layer.name for layer in mesh.uv_layers if UV_KEY not in mesh or layer.name not in (UV_MAP, BACK_UV_MAP)]
+    ours = (UV_MAP, BACK_UV_MAP) if has_our_uv_map(mesh) else ()
+    own = [layer.name for layer in mesh.uv_layers if layer.name not in ours]
     for name in wanted:
         if name in own:
             raise SceneError(thing.name, f"it has a uv map of its own named {name!r}", "Rename that uv map")

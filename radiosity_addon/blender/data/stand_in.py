@@ -8,7 +8,7 @@ different ways needs several uv maps. Such an object is kept, hidden, and its ev
 from __future__ import annotations
 
 import json
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TypeAlias
 
@@ -142,8 +142,9 @@ def swap_in(original: bpy.types.Object, stand_in: bpy.types.Object, token: str, 
         instances: the original shows instances of other objects, which must stay in sight
     """
     name_after(original, stand_in)
+    hidden = original.get(HIDDEN_KEY, {})  # by the bake of another scene that shares it
     for name in LOOKS:
-        setattr(stand_in, name, getattr(original, name))
+        setattr(stand_in, name, bool(hidden[name]) if name in hidden else getattr(original, name))
     for collection in collections_of(original):
         collection.objects.link(stand_in)
     for scene in original.users_scene:
@@ -161,7 +162,10 @@ def name_after(original: bpy.types.Object, stand_in: bpy.types.Object) -> None:
 
 
 def hide(original: bpy.types.Object, token: str, instances: bool) -> None:
-    """Hide an object whose stand-ins are shown, all of it or all but the `instances` that it makes."""
+    """Hide an object whose stand-ins are shown, all of it or all but the `instances` that it makes.
+
+    Where the bake of another scene hides it already, what it was before that is kept.
+    """
     selected = [
         [scene.name, layer.name]
         for scene in original.users_scene
@@ -169,7 +173,9 @@ def hide(original: bpy.types.Object, token: str, instances: bool) -> None:
         if original.name in layer.objects and original.select_get(view_layer=layer)
     ]
     original[BAKE_KEY] = token
-    original[HIDDEN_KEY] = {name: getattr(original, name) for name in VISIBILITY} | {"selected": json.dumps(selected)}
+    if not is_behind_stand_in(original):
+        seen = {name: getattr(original, name) for name in VISIBILITY}
+        original[HIDDEN_KEY] = seen | {"selected": json.dumps(selected)}
     if instances:
         original.show_instancer_for_render = original.show_instancer_for_viewport = False
     else:
@@ -187,6 +193,15 @@ def swap_out(original: bpy.types.Object) -> None:
         layer = scene and scene.view_layers.get(layer_name)
         if layer is not None and original.name in layer.objects:
             original.select_set(True, view_layer=layer)
+
+
+def followed(things: Iterable[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.Object]:
+    """What stand-ins among these objects show where it is, each with its stand-in; None is what was deleted."""
+    return {
+        thing[STAND_IN_KEY]: thing
+        for thing in things
+        if is_stand_in(thing) and any(each.type == "COPY_TRANSFORMS" for each in thing.constraints)
+    }
 
 
 @contextmanager

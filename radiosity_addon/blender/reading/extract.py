@@ -27,7 +27,7 @@ from ..data.preflight import (
 from ..data.shapes import Shape, has_loops_of, read_shape, read_uv, slots_of
 from ..data.shared_shapes import SharedShapes
 from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube
-from ..data.stand_in import as_rendered_unbaked
+from ..data.stand_in import as_rendered_unbaked, followed
 from ..data.working_space import working_space
 from ..looks.surface_answers import SurfaceAnswers
 from ..looks.surface_inputs import Input
@@ -116,6 +116,9 @@ class Reading:
                     break
         finally:
             self.splines.remove()
+        for shown, stand_in in followed(scene.objects).items():
+            if shown is None or shown.name_full not in scene.objects:
+                self.skip(stand_in.name, "it shows the bake of an object that is not in the scene")
         self.unseen = {
             thing.name: NO_FACES if thing.name_full in seen else "it is hidden in renders"
             for thing in scene.objects

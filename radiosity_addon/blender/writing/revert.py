@@ -23,7 +23,7 @@ from ..data.names import (
     original_material,
     original_world,
 )
-from ..data.stand_in import set_materials, swap_out
+from ..data.stand_in import followed, set_materials, swap_out
 
 
 def revert(scene: bpy.types.Scene) -> None:
@@ -35,10 +35,14 @@ def revert(scene: bpy.types.Scene) -> None:
 
 def take_out(token: str) -> None:
     """Remove all that a bake made, and undo all that it changed, wherever that carries the bake's token."""
+    _adopt_joined(token)
     bpy.data.batch_remove([thing for thing in of_bake(bpy.data.objects, token) if is_stand_in(thing)])
     bpy.data.batch_remove(of_bake(bpy.data.collections, token))
+    others = followed(bpy.data.objects)
     for thing in of_bake(bpy.data.objects, token):
-        if is_behind_stand_in(thing):
+        if thing in others and is_behind_stand_in(thing):  # the bake of another scene hides it too
+            thing[BAKE_KEY] = others[thing][BAKE_KEY]
+        elif is_behind_stand_in(thing):
             swap_out(thing)
         if SLOTS_KEY in thing:
             restore_slots(thing)
@@ -60,6 +64,14 @@ def take_out(token: str) -> None:
             for key in KEYS:
                 if key in datablock:
                     del datablock[key]
+
+
+def _adopt_joined(token: str) -> None:
+    """Give meshes that baked ones were joined to the token: they have our uv map and previews, but nothing says so."""
+    for mesh in bpy.data.meshes:
+        shows = any(is_preview(material) and material.get(BAKE_KEY) == token for material in mesh.materials)
+        if shows and UV_KEY not in mesh and UV_MAP in mesh.uv_layers and mesh.is_editable:
+            mesh[BAKE_KEY], mesh[UV_KEY] = token, {"active": "", "rendered": ""}
 
 
 def of_bake(collection: bpy.types.bpy_prop_collection, token: str) -> list[bpy.types.ID]:

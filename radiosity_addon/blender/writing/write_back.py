@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -34,7 +34,7 @@ from ..data.names import (
     SLOTS_KEY,
     UV_KEY,
     UV_MAP,
-    has_our_uv_map,
+    orphaned_bakes,
 )
 from ..data.preflight import check_can_carry
 from ..data.stand_in import Common, MeshPool, as_rendered_unbaked, make_stand_in, swap_in
@@ -115,7 +115,8 @@ def write_back(
 ) -> Generator[None, None, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
     """Put a bake into the .blend, in place of an earlier one of the same scene, in steps.
 
-    Until the end nothing else may change the file. Closing the generator leaves the scene as it was.
+    What objects brought along of bakes of other files is taken out too. Until the end nothing else may change the file.
+    Closing the generator leaves the scene as it was.
 
     Args:
         scene: the scene that was extracted
@@ -139,7 +140,8 @@ def write_back(
     """
     leave_edit_mode(scene)
     before, sliders = scene.get(BAKE_KEY), sliders_of(scene)
-    places = yield from _find_places(extraction, atlas, before)
+    replaced = orphaned_bakes(scene) | ({before} if before else set())
+    places = yield from _find_places(extraction, atlas, replaced)
     token = uuid.uuid4().hex
     try:
         recipe = recipe or Recipe("exr", working_space())
@@ -150,13 +152,14 @@ def write_back(
         mix = (yield from load_mix(apart, token, pack=pack)) if apart and mode == "preview" else None
         replacements = yield from _make_stand_ins(scene, places, extraction, token)
         previews = PreviewMaterials(token, images, mix)
-        if mode == "preview" and not before:  # what is made while an earlier bake is there has to take other names
+        if mode == "preview" and not replaced:  # what is made while an earlier bake is there has to take other names
             for place in places:
                 _make_previews(place, previews)
                 yield
         if before:
             _replace_images([*images, *(mix.images if mix else ())], before)
-            take_out(before)
+        for earlier in replaced:
+            take_out(earlier)
         scene[BAKE_KEY] = token
         _switch(places, replacements, previews, mode, token)
         if mix is not None:
@@ -181,7 +184,7 @@ def leave_edit_mode(scene: bpy.types.Scene) -> None:
                 bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> Generator[None, None, list[_Place]]:
+def _find_places(extraction: Extraction, atlas: Atlas, replaced: Set[str]) -> Generator[None, None, list[_Place]]:
     places = []
     may_own: dict[bpy.types.Mesh, list[_Place]] = {}
     backs = backs_of(extraction.scene.meshes)
@@ -202,7 +205,7 @@ def _find_places(extraction: Extraction, atlas: Atlas, before: str | None) -> Ge
         if source.instancer:
             continue
         check_can_carry(thing)
-        if source.own_mesh and thing.data.is_editable and thing.data.get(BAKE_KEY) in (None, before):
+        if source.own_mesh and thing.data.is_editable and thing.data.get(BAKE_KEY) in (None, *replaced):
             _check_corners(thing, thing.data, uv)
             may_own.setdefault(thing.data, []).append(places[-1])
     for users in may_own.values():  # a mesh has one map of ours: that of most of its objects
@@ -334,7 +337,7 @@ def _write_uv(mesh: bpy.types.Mesh, name: str, uv: Float32, token: str) -> None:
     """Add our uv map, the user's stay active."""
     mesh[BAKE_KEY] = token
     layers = mesh.uv_layers
-    if not has_our_uv_map(mesh):
+    if UV_KEY not in mesh:
         active = layers.active.name if layers.active else ""
         rendered = next((layer.name for layer in layers if layer.active_render), "")
         mesh[UV_KEY] = {"active": active, "rendered": rendered}
