@@ -140,9 +140,30 @@ class Mesh:
         return replace(self, uv=uv, chart=chart, flat=None)
 
 
+@dataclass(frozen=True, eq=False)
+class Distribution:
+    """How the light of a point or spot light varies with the direction in which it leaves, and over the distance.
+
+    Attributes:
+        directions: (N, N, C) float32, factors of the intensity, of one colour or three, on an octahedron laid flat
+            (Cigolla et al. 2014): texel centres, row 0 at y = -reach; its middle is the axes' z
+        axes: three rows: unit x, y and z of the octahedron
+        reach: what |x| and |y| go up to on the flat octahedron: 1 for all of it, up to 0.5 for its middle
+        falloff: (K, 2) float64, rising distances, m, and what the inverse square law is multiplied with there; in
+            between both are powers of each other. None: 1 everywhere
+        on_sphere: on a lamp that is a sphere, the direction is that of the surface's normal, not that of the light
+    """
+
+    directions: Float32
+    axes: tuple[RGB, RGB, RGB]
+    reach: float = 1.0
+    falloff: Float64 | None = None
+    on_sphere: bool = False
+
+
 @dataclass(frozen=True)
 class PointLight:
-    """A sphere that radiates alike in all directions.
+    """A sphere that radiates alike in all directions, unless it has a distribution.
 
     Attributes:
         intensity: W/sr
@@ -151,6 +172,7 @@ class PointLight:
         soft_falloff: Cycles' soft falloff: a disc of that radius that faces each receiver, in place of a sphere
         shadow: casts shadows
         group: light group, index into Scene.groups
+        distribution: factors of the intensity; None: 1 everywhere
     """
 
     name: str
@@ -160,6 +182,7 @@ class PointLight:
     soft_falloff: bool = True
     shadow: bool = True
     group: int = 0
+    distribution: Distribution | None = None
 
 
 @dataclass(frozen=True)
@@ -184,6 +207,7 @@ class SpotLight:
     soft_falloff: bool = True
     shadow: bool = True
     group: int = 0
+    distribution: Distribution | None = None
 
 
 @dataclass(frozen=True)

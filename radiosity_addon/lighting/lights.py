@@ -30,11 +30,12 @@ from .companies import brightest, companies_of
 from .emitters import emissive_lamps
 from .glow import Glow
 from .lamp_samples import lattice, lattice_generators, rows_of, shifted
-from .lamps import Lamp, round_lamp, sun_lamp
+from .lamps import Lamp, sun_lamp
 from .many_lamps import survey
 from .mesh_lamp import MeshLamp
 from .own_faces import OwnFaces, add_own_light, own_irradiance_at
 from .penumbra import trace_shares
+from .round_lamps import round_lamps
 from .shades import Probes, undecided
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot
 from .sparse_light import light_of_meshes
@@ -109,9 +110,10 @@ def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), gl
         scene: with positions relative to `surfaces.origin`, as `scene.moved(-surfaces.origin)` gives them
         glow: what triangles emit whose emission varies
     """
-    lights = [_lamp(light, surfaces) for light in (*scene.lights, *suns)]
+    lights = [(k, lamp) for k, light in enumerate((*scene.lights, *suns)) for lamp in _lamps(light, surfaces)]
     emitters, sampled, own = emissive_lamps(scene, surfaces, glow)
-    shining = [(index, lamp) for index, lamp in enumerate([*lights, *emitters]) if any(lamp.strength)]
+    none = len(scene.lights)  # of the scene's lights
+    shining = [each for each in [*lights, *((none, lamp) for lamp in emitters)] if any(each[1].strength)]
     receivers = {}
     for number, (index, _) in enumerate(shining):
         if index in scene.receivers:
@@ -119,12 +121,12 @@ def lamps_of(scene: Scene, surfaces: Surfaces, suns: Sequence[SunLight] = (), gl
     return Lamps(tuple(lamp for _, lamp in shining), sampled, own, surfaces, receivers)
 
 
-def _lamp(light: Light, surfaces: Surfaces) -> Lamp:
+def _lamps(light: Light, surfaces: Surfaces) -> Sequence[Lamp]:
     if isinstance(light, SunLight):
-        return sun_lamp(light, 4 * surfaces.radius)
+        return [sun_lamp(light, 4 * surfaces.radius)]
     if isinstance(light, AreaLight):
-        return area_lamp(light)
-    return round_lamp(light)
+        return [area_lamp(light)]
+    return round_lamps(light)
 
 
 def irradiance_at(

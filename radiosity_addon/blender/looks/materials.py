@@ -174,6 +174,24 @@ def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
     return _surface(tree, _Reader(warn, partial(approximate, warn=warn)))
 
 
+class Computed(Exception):
+    """A tree's output is no constant."""
+
+
+def read_constant(tree: bpy.types.NodeTree, path: Mapping[str, float] = LIGHT_PATH) -> Shading:
+    """What the output that Cycles takes shows, if that is one constant.
+
+    Raises:
+        Computed: it is not, or only Cycles knows
+        LinkCycle: the tree feeds back into itself
+    """
+
+    def refuse(*_: object) -> Float64:
+        raise Computed
+
+    return _surface(tree, _Reader(refuse, refuse, path))
+
+
 def read_varying(
     tree: bpy.types.NodeTree, warn: Warn, side: Mapping[str, float] = FROM_FRONT
 ) -> tuple[Shading, frozenset[Quantity]]:

@@ -29,6 +29,9 @@ LIGHT_PATH = {"Is Diffuse Ray": 1.0, "Is Reflection Ray": 1.0}
 SHADOW_PATH = {"Is Shadow Ray": 1.0}
 """The same of rays that ask how much light a surface lets through."""
 
+ANY_PATH: dict[str, float] = {}
+"""Stands for rays of which nothing is known: what depends on them or their direction is computed."""
+
 BEHIND = {"Backfacing": 1.0}
 """Besides, of rays that meet a surface from behind: an output of the Geometry node."""
 
@@ -109,6 +112,8 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
     if end.node.type == "BLACKBODY":
         kelvin = known(end.node.inputs["Temperature"], groups)
         return None if kelvin is None else blackbody_color(float(kelvin[0]))
+    if path is ANY_PATH and end.node.type in (*SEE_ANGLES, "LIGHT_PATH", "NEW_GEOMETRY"):
+        return None
     if end.node.type in SEE_ANGLES:
         return from_all_around(end, groups, "Backfacing" in path)
     asks_ray = end.node.type == "LIGHT_PATH" or (end.node.type, end.name) == ("NEW_GEOMETRY", "Backfacing")

@@ -129,18 +129,19 @@ class Reading:
     @property
     def ask_cycles(self) -> bool:
         """Whether there is something that only Cycles can tell."""
-        return self.lights.lack_world or any(record.varies for record in self.materials.records)
+        return self.lights.unclear or any(record.varies for record in self.materials.records)
 
     def extraction(self, cycles: Cycles) -> Generator[None, None, Extraction]:
         """The records of what was read, in steps that need no Blender any more.
 
         Args:
-            cycles: looks at the world, if no one else could
+            cycles: looks at the world and at lamps, where no one else could
 
         Raises:
             SceneError: something can't be baked, or nothing is left to bake
         """
         self.lights.render_world(self.name, cycles)
+        self.lights.measure_lamps(self.name, cycles)
         surfaces = SurfaceRecords(self.notes)
         for found in self.found:
             try:

@@ -2,6 +2,7 @@
 """Lamps in radiometric units, as Cycles has them (measured in 4.5 and 5.2).
 
 P is the lamp's power: energy x colour x 2^exposure, times the temperature's colour, times its node tree's emission.
+Where that depends on the direction or the distance of the light, `lamp_distributions` measures it afterwards.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from ...arrays import Float64
 from ...errors import SceneError
 from ...scene import AreaLight, Light, PointLight, SpotLight, SunLight
-from ..looks.materials import read_tree, rgb, tree_of
+from ..looks.materials import Computed, read_constant, read_tree, rgb, tree_of
+from ..looks.nodes import ANY_PATH
 
 Warn = Callable[[str], None]
 
@@ -34,7 +36,7 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
         LinkCycle: its node tree feeds back into itself
     """
     light = lamp.data
-    power = _power(light, warn)
+    power = _power(light) * _emission(light, warn)
     if not np.isfinite(power).all():
         raise SceneError(f"Lamp {lamp.name!r}", "its power is not a finite number", "Give it a finite power and colour")
     if getattr(getattr(light, "cycles", None), "is_portal", False) or not power.any():
@@ -55,16 +57,35 @@ def read_lamp(lamp: bpy.types.Object, matrix: Float64, group: int, warn: Warn) -
 
 
 def _is_finite(light: Light) -> bool:
-    return all(np.isfinite(value).all() for value in vars(light).values() if not isinstance(value, str))
+    return all(np.isfinite(value).all() for value in vars(light).values() if isinstance(value, (int, float, tuple)))
 
 
-def _power(light: bpy.types.Light, warn: Warn) -> Float64:
+def is_shaped(light: bpy.types.Light) -> bool:
+    """Whether nodes give the light of a point or spot light a shape, so that its record tells only its power.
+
+    Raises:
+        LinkCycle: its node tree feeds back into itself
+    """
+    tree = tree_of(light)
+    if tree is None or light.type not in ("POINT", "SPOT"):
+        return False
+    try:
+        read_constant(tree, ANY_PATH)
+    except Computed:
+        return True
+    return False
+
+
+def _emission(light: bpy.types.Light, warn: Warn) -> Float64:
+    """What the node tree multiplies the power with, (3,); 1 where that is to be measured."""
+    tree = tree_of(light)
+    return np.ones(3) if tree is None or is_shaped(light) else read_tree(tree, warn).emission
+
+
+def _power(light: bpy.types.Light) -> Float64:
     power = light.energy * np.array(light.color, np.float64) * 2.0 ** getattr(light, "exposure", 0.0)
     if getattr(light, "use_temperature", False):
         power = power * np.array(light.temperature_color)
-    tree = tree_of(light)
-    if tree is not None:
-        power = power * read_tree(tree, warn).emission
     return power
 
 

@@ -7,14 +7,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import bpy
+import numpy as np
 
 from ...arrays import Float64
 from ...radiosity.bounces import ENDLESS
 from ...scene import Light, World
+from ..looks.materials import rgb
 from ..looks.nodes import LinkCycle
 from .cycles import Cycles
 from .extraction import Notes
-from .lamps import read_lamp
+from .lamp_distributions import LampToMeasure, Measured, measure_lamp, placed
+from .lamps import is_shaped, read_lamp
 from .light_linking import Name, lit_by
 from .subject import Subject, named
 from .world import HEIGHT, read_world, render_sky
@@ -35,6 +38,7 @@ class LightRecords:
         self._layer = depsgraph.view_layer
         self._notes = notes
         self._to_render = ""
+        self._to_measure: dict[int, tuple[str, LampToMeasure]] = {}
         self.groups: list[tuple[str, int | None]] = [("", None)]
         self.lamps: list[Light] = []
         self.linked: dict[int, Callable[[Name], bool]] = {}
@@ -54,6 +58,8 @@ class LightRecords:
             hears("has a node tree that feeds back into itself, and gives no light")
             return
         if light is not None:
+            if is_shaped(lamp.data):
+                self._to_measure[len(self.lamps)] = lamp.data.original.name_full, LampToMeasure.of(lamp.data, matrix)
             linked = lamp.original.light_linking.receiver_collection
             if linked is not None:
                 self.linked[len(self.lamps)] = lit_by(linked)
@@ -76,13 +82,34 @@ class LightRecords:
             self.world = found
 
     @property
-    def lack_world(self) -> bool:
-        """Whether there is a world that no reading of nodes could tell."""
-        return bool(self._to_render)
+    def unclear(self) -> bool:
+        """Whether there is a world or a lamp that no reading of nodes could tell."""
+        return bool(self._to_render or self._to_measure)
+
+    def measure_lamps(self, scene_name: str, cycles: Cycles) -> None:
+        """Look at lamps that no reading of nodes could tell; no render may be under way."""
+        known: dict[tuple[object, ...], Measured] = {}
+        for index, (name, lamp) in self._to_measure.items():
+
+            def subject(name: str = name) -> Subject:
+                light = named(bpy.data.lights, name, "Light")
+                return Subject.of(named(bpy.data.scenes, scene_name, "Scene"), {"light": light})
+
+            key = (name, *lamp.key)
+            if key not in known:
+                known[key] = cycles.ask(subject, measure_lamp, lamp)
+            factor, distribution, said = known[key]
+            light = self.lamps[index]
+            for text in said:
+                self._notes.warn(f"Lamp {light.name!r}: {text}")
+            intensity = rgb(np.array(light.intensity) * factor)
+            if distribution is not None:
+                distribution = placed(distribution, lamp.frame)
+            self.lamps[index] = replace(light, intensity=intensity, distribution=distribution)
 
     def render_world(self, scene_name: str, cycles: Cycles) -> None:
         """Look at a world that no reading of nodes could tell; no render may be under way."""
-        if not self.lack_world:
+        if not self._to_render:
             return
 
         def subject() -> Subject:

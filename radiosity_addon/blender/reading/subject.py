@@ -113,7 +113,7 @@ def named(datablocks: bpy.types.bpy_prop_collection[D], name: str, kind: str) ->
 
 
 def _trees(datablock: bpy.types.ID | None) -> Iterator[bpy.types.NodeTree]:
-    if isinstance(datablock, (bpy.types.Material, bpy.types.World)):
+    if isinstance(datablock, (bpy.types.Material, bpy.types.World, bpy.types.Light)):
         tree = tree_of(datablock)
         if tree is not None:
             yield from trees_within(tree)

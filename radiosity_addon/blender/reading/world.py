@@ -21,7 +21,7 @@ from ...arrays import Float32
 from ...errors import SceneError
 from ...scene import SkyTile, World
 from ..data.evaluation import RENDER_HANDLERS, quiet_handlers, without_render_result
-from ..looks.materials import read_tree, rgb, tree_of
+from ..looks.materials import Computed, read_constant, rgb, tree_of
 from ..looks.nodes import LIGHT_PATH
 from .subject import Subject
 
@@ -57,10 +57,6 @@ FOUND_SUN = math.radians(0.5)
 """In the first picture the Sky Texture's suns are at least so large, that none is missed; the finer ones show them."""
 
 
-class _Varies(Exception):
-    """The world is not alike everywhere, or only Cycles knows."""
-
-
 def read_world(world: bpy.types.World, group: int, warn: Warn) -> World | None:
     """The record of a world that is one colour; None if it takes a render to tell.
 
@@ -74,18 +70,14 @@ def read_world(world: bpy.types.World, group: int, warn: Warn) -> World | None:
         warn("is set to cast no shadows, which is not followed: its light is blocked")
     tree = tree_of(world)
     try:
-        radiance = np.array(world.color, np.float64) if tree is None else read_tree(tree, _refuse).emission
-    except _Varies:
+        radiance = np.array(world.color, np.float64) if tree is None else read_constant(tree).emission
+    except Computed:
         return None
     if not np.isfinite(radiance).all():
         raise SceneError(
             f"World {world.name!r}", "its light is not a finite number", "Give its shader finite colours and strengths"
         )
     return World(rgb(np.maximum(radiance, 0)), group)
-
-
-def _refuse(text: str) -> None:
-    raise _Varies
 
 
 Sky = tuple[tuple[SkyTile, ...], tuple[str, ...]]
