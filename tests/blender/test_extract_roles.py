@@ -72,6 +72,17 @@ def test_what_only_bounds_a_volume_is_left_out_and_its_faces_let_light_pass():
     assert set(passes.values()) == {(0, 0, 0)}
 
 
+def test_hair_of_particles_is_named_unless_it_shows_objects():
+    fur, grass = add_mesh("fur"), add_mesh("grass")
+    for thing, shows in ((fur, "PATH"), (grass, "OBJECT")):
+        thing.modifiers.new("Strands", "PARTICLE_SYSTEM")
+        settings = thing.particle_systems[0].settings
+        settings.type, settings.render_type = "HAIR", shows
+    assert [text for text in extract().warnings if "hair" in text] == [
+        "fur: the hair of 'Strands' is ignored; convert it to hair curves"
+    ]
+
+
 def test_objects_keep_the_terminator_offset_that_they_are_set_to():
     add_mesh("as it comes")
     off, shaded = add_mesh("off"), add_mesh("shaded")

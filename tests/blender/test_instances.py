@@ -329,6 +329,30 @@ def test_a_linked_collection_is_baked_where_it_is_instanced(tmp_path):
     assert differences(before, snapshot()) == []
 
 
+def test_instances_of_what_is_baked_in_its_own_file_are_baked_as_they_look_there(tmp_path):
+    """The stand-in of a modified object is then all that is seen of it."""
+
+    def baked() -> bpy.types.Collection:
+        stage()
+        group = bpy.data.collections.new("Library")
+        bpy.context.scene.collection.children.link(group)
+        add(wedge(), group).modifiers.new("Bevel", "BEVEL")
+        bake()
+        return group
+
+    linked(tmp_path, baked)
+    holder(bpy.data.collections["Library"], "Holder", Matrix())
+    before = snapshot()
+    report = bake()
+    assert [row.source for row in report.objects] == ["Floor", "Wedge (Radiosity)"]
+    shown = bpy.data.objects[report.objects[-1].object]
+    assert {slot.material.name for slot in shown.material_slots} == {
+        f"Wedge {part} (Radiosity 1)" for part in ("Wall", "Roof")
+    }
+    revert(bpy.context.scene)
+    assert differences(before, snapshot()) == []
+
+
 def test_a_linked_instancer_is_refused_by_name(tmp_path):
     def nested() -> bpy.types.Collection:
         group = bpy.data.collections.new("Holders")

@@ -137,6 +137,12 @@ def hair_mesh(thing: bpy.types.Object) -> SplineMesh:
     return SplineMesh(mesh, Nets((), (), ()))
 
 
+def unread_hair(thing: bpy.types.Object) -> list[str]:
+    """Names of an evaluated object's particle systems that render as strands, which are not read."""
+    systems = [each.particle_system for each in thing.modifiers if each.type == "PARTICLE_SYSTEM" and each.show_render]
+    return [each.name for each in systems if (each.settings.type, each.settings.render_type) == ("HAIR", "PATH")]
+
+
 def _tube(original: bpy.types.Object) -> float:
     """Radius of the tube that the user gives to a bare curve, in the object's own space."""
     radius = getattr(getattr(original, "radiosity", None), "tube_radius", 0.0)

@@ -26,7 +26,7 @@ from ..data.preflight import (
 )
 from ..data.shapes import Shape, has_loops_of, read_shape, read_uv, slots_of
 from ..data.shared_shapes import SharedShapes
-from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube
+from ..data.spline_meshes import SplineMeshes, cut, is_bare_tube, unread_hair
 from ..data.stand_in import as_rendered_unbaked, followed
 from ..data.working_space import working_space
 from ..looks.surface_answers import SurfaceAnswers
@@ -198,13 +198,13 @@ class Reading:
     def read(self, item: bpy.types.DepsgraphObjectInstance) -> Generator[None, None, None]:
         """Take one object or instance into the records."""
         thing, original = item.object, item.object.original
-        if is_stand_in(original):
+        instanced = is_instance(item)
+        if is_stand_in(original) and not instanced:  # an instance is of an asset that is baked in its own file
             return
         check_is_there(original)
         if not item.show_self:
             self.skipped.setdefault(thing.name, "only its instances are rendered")
             return
-        instanced = is_instance(item)
         if instanced:
             self.instancers[item.parent.original.name].add(thing.name)
         if thing.type == "LIGHT":
@@ -243,6 +243,8 @@ class Reading:
             self.skipped.setdefault(thing.name, "hair can't carry a lightmap; it only shadows and bounces light")
         maker = item.parent if instanced else thing
         self.check_rays(thing, maker)
+        for name in unread_hair(thing):
+            self.notes.warn(f"{thing.name}: the hair of {name!r} is ignored; convert it to hair curves")
         if not len(mesh.polygons):
             raise Skip(NO_FACES)
         if is_flat(matrix):
