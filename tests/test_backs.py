@@ -11,17 +11,19 @@ import pytest
 from radiosity_addon.arrays import Bools, Float32
 from radiosity_addon.chunks import finish
 from radiosity_addon.geometry.appearance import appearance_of
+from radiosity_addon.geometry.opacity import opacity_of
 from radiosity_addon.geometry.sides import with_backs
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import rasterize
+from radiosity_addon.geometry.transmittance import transmittance_of
 from radiosity_addon.geometry.validity import solid_triangles
 from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.lighting.glow import glow_of
 from radiosity_addon.lighting.lights import irradiance_at, lamps_of
 from radiosity_addon.lighting.polygons import parallelogram, polygon_light
-from radiosity_addon.scene import Material, Mesh, Scene
+from radiosity_addon.scene import Material, Mesh, Scene, SunLight, World
 from radiosity_addon.shading import Layout, Quantity
-from tests.bakes import BLACK, lit
+from tests.bakes import BLACK, floor, lit
 from tests.shapes import box, cell_atlas, mesh_of, quad
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -172,3 +174,61 @@ def test_a_closed_body_that_shines_inward_is_a_room(inside: bool) -> None:
     scene = scene.moved(-surfaces.origin)
     solid = solid_triangles(scene, surfaces, Visibility(surfaces.corners))
     assert solid.any() != inside
+
+
+CLEAR = Material("Clear", DARK, transmittance=(1.0,) * 3)
+
+
+@pytest.mark.parametrize("faces_up", [True, False])
+def test_shadow_rays_pass_a_sheet_from_its_clear_side_only(faces_up: bool) -> None:
+    """They come from the floor: they meet the back of a sheet that faces up."""
+    sheet = Material("Sheet", (0.5,) * 3, back=2)
+    card = quad((-2, -2, 1), (4, 0, 0), (0, 4, 0))
+    meshes = floor(), mesh_of("Sheet", [card if faces_up else card[::-1]], [1])
+    sun = SunLight("Sun", (3.0,) * 3, (0, 0, -1))
+    found = lit(Scene(meshes, (BLACK, sheet, CLEAR), (sun,)))
+    assert found.of(0) == pytest.approx(3 / np.pi if faces_up else 0, abs=1e-5)
+
+
+@pytest.mark.parametrize("gathers", [True, False])
+def test_a_furnace_whose_walls_are_clear_from_outside_gets_nothing_from_there(gathers: bool) -> None:
+    """E = rho = 1/2 inside, before a world and a ground a hundred times as bright."""
+    wall = Material("Wall", (0.5,) * 3, (0.5,) * 3, back=1)
+    ground = Material("Ground", (0.5,) * 3, (50.0,) * 3)
+    room = box("Room", (0, 0, 0), (1, 1, 1), 0, inward=True)
+    below = mesh_of("Ground", [quad((-3, -3, -0.1), (7, 0, 0), (0, 7, 0))], [2])
+    scene = Scene((room, below), (wall, CLEAR, ground), world=World((100.0,) * 3))
+    found = lit(scene, final_gather=gathers, tolerance=1e-8)
+    assert np.abs(found.of(0) - 1).max() < 1e-3
+
+
+def test_pictures_of_what_passes_are_asked_for_from_both_sides() -> None:
+    some = frozenset({"transmittance"})
+    grille = Material("Grille", DARK, transmittance=(0.5,) * 3, varies=some, back=1)
+    scene = Scene((panel(),), (replace(grille, back=1), replace(grille, back=None)))
+    scene = replace(scene, meshes=(replace(scene.meshes[0], material=np.zeros(2, np.int32)),))
+    shade = Faces((0.25, 0.5, 0.75), (1.0, 0.5, 0.0))
+    passed = transmittance_of(scene, flatten(scene), shade, 10.0)
+    assert shade.asked == [("transmittance", False), ("transmittance", True)]
+    where = np.zeros(2, np.int32), *np.full((2, 2), 0.3, np.float32)
+    assert pytest.approx(np.array([*shade.colors.values()])) == passed.at(*where, front=np.array([True, False])).T
+    assert passed.at(*where)[:, 0] == pytest.approx([0.25, 0.5, 0.0]), "what passes both ways"
+    assert not passed.opaque.any()
+    assert not passed.clear.any()
+
+
+def test_a_page_of_backs_shows_what_stops_light_there() -> None:
+    """White behind, clear in front: of what a sheet reflects as a whole each side has its own share."""
+    front = Material("Clear", DARK, transmittance=(1.0,) * 3, back=2)
+    half = Material("Half", (0.3,) * 3, transmittance=(0.5,) * 3)
+    scene = with_backs(Scene((replace(panel(), two_sided=True),), (BLACK, front, half)))
+    surfaces, atlas = flatten(scene), cell_atlas(scene, 64)
+    texels = finish(rasterize(atlas, surfaces))
+    opacity = opacity_of(texels, transmittance_of(scene, surfaces.without_backs(), None, 0.0))
+    sampled = np.zeros(surfaces.count, bool)
+    look = finish(appearance_of(scene, atlas, texels, sampled, None))[0].stopped(opacity)
+    back = surfaces.mesh[texels.triangle[:]] == 1
+    assert opacity.share == pytest.approx(1 / 2)
+    assert look.reflectance[~back] == pytest.approx(0)
+    assert look.reflectance[back] == pytest.approx(0.6)
+    assert look.behind.reflectance[~back] == pytest.approx(0.6)

@@ -43,15 +43,15 @@ class Appearance:
     group: ByTriangle
     behind: Appearance | None = None
 
-    def stopped(self, opacity: Opacity) -> Appearance:
+    def stopped(self, opacity: Opacity, behind: bool = False) -> Appearance:
         """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
 
         The pictures of both need not match to the texel: no more is reflected than can be.
         """
-        reflectance = opacity.of_stopped(self.reflectance[:], MAX_REFLECTANCE)
-        emission = opacity.of_stopped(self.emission[:])
-        behind = None if self.behind is None else self.behind.stopped(opacity)
-        return replace(self, reflectance=reflectance, emission=emission, behind=behind)
+        reflectance = opacity.of_stopped(self.reflectance[:], MAX_REFLECTANCE, behind)
+        emission = opacity.of_stopped(self.emission[:], behind=behind)
+        back = None if self.behind is None else self.behind.stopped(opacity, behind=True)
+        return replace(self, reflectance=reflectance, emission=emission, behind=back)
 
 
 def appearance_of(

@@ -7,14 +7,14 @@ square page, fine enough for the shadows that lightmap texels can show, and the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..atlas.cells import along_z_order
 from ..microfacet import mean_pane_transmittance, pane_transmittance
-from ..scene import Scene
+from ..scene import Material, Scene
 from ..shading import Layout, Shader
 from .surfaces import BLOCK, Surfaces
 
@@ -44,6 +44,8 @@ class Transmittance:
         lookup: (6, K) float32, texel coordinates x0, y0, dx/du, dx/dv, dy/du, dy/dv of each
         texels: (C, size * size) float32
         size: texels along the page
+        unlike: (F,) bool, triangles that let other light through from behind
+        behind: what those let through there; None: there are none
     """
 
     value: Float32
@@ -55,6 +57,8 @@ class Transmittance:
     lookup: Float32
     texels: Float32
     size: int
+    unlike: Bools
+    behind: Transmittance | None = None
 
     @property
     def channels(self) -> int:
@@ -63,18 +67,28 @@ class Transmittance:
     @property
     def opaque(self) -> Bools:
         """(F,) bool, triangles that let nothing through."""
-        return np.asarray(self.highest < NEARLY)
+        opaque = self.highest < NEARLY
+        return np.asarray(opaque if self.behind is None else opaque & (self.behind.opaque | ~self.unlike))
 
     @property
     def clear(self) -> Bools:
         """(F,) bool, triangles that let everything through: to light they are not there."""
-        return np.asarray(self.lowest > 1 - NEARLY)
+        clear = self.lowest > 1 - NEARLY
+        return np.asarray(clear if self.behind is None else clear & (self.behind.clear | ~self.unlike))
 
-    def at(self, triangle: Int32 | Int64, u: Float32, v: Float32, cosine: Float32 | None = None) -> Float32:
+    def at(
+        self,
+        triangle: Int32 | Int64,
+        u: Float32,
+        v: Float32,
+        cosine: Float32 | None = None,
+        front: Bools | None = None,
+    ) -> Float32:
         """Shares (C, R) at barycentrics u, v (R,) of triangles (R,), pictures interpolated linearly.
 
         Args:
             cosine: (R,) between ray and normal; None: the mean over directions
+            front: (R,) whether the light is met from the front; None: the share that passes both ways
         """
         share = self.value.take(triangle, axis=1)
         number = self.picture[triangle]
@@ -87,6 +101,11 @@ class Transmittance:
             which = triangle[glass]
             follows = pane_transmittance(cosine[glass], self.ior[which]) / self.mean[which]
             share[:, glass] = np.minimum(share[:, glass] * follows, 1)
+        if self.behind is not None:
+            turned = np.flatnonzero(self.unlike[triangle] if front is None else self.unlike[triangle] & ~front)
+            slant = None if cosine is None else cosine[turned]
+            other = self.behind.at(triangle[turned], u[turned], v[turned], slant)
+            share[:, turned] = other if front is not None else np.minimum(share[:, turned], other)
         return share
 
     def _interpolated(self, number: Int32, u: Float32, v: Float32) -> Float32:
@@ -116,39 +135,66 @@ def transmittance_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, de
         shader: tells what varies; without one its mean serves
         density: texels per metre of the lightmap
     """
-    constant = np.array([material.transmittance for material in scene.materials] or [(0, 0, 0)], np.float32)
-    varies = np.array(["transmittance" in material.varies for material in scene.materials] or [False])
-    chosen = np.flatnonzero(varies[surfaces.material]) if shader is not None else np.zeros(0, np.int64)
-    if not len(chosen) and constant.max(initial=0) < NEARLY:
+    materials = scene.materials
+    constant = np.array([material.transmittance for material in materials] or [(0, 0, 0)], np.float32)
+    varies = np.array(["transmittance" in material.varies for material in materials] or [False])
+    if not (shader is not None and varies[surfaces.material].any()) and constant.max(initial=0) < NEARLY:
         return None
-    value = constant[surfaces.material].T
-    lowest, highest = value.min(0), value.max(0)
-    picture = np.full(surfaces.count, -1, np.int32)
-    picture[chosen] = np.arange(len(chosen))
-    cells = _Cells.of(surfaces.area[chosen], density)
-    texels = np.zeros((3, cells.size**2), np.float32)
-    if shader is not None and len(chosen):
-        texels = _asked(scene, surfaces, shader, chosen, cells)
-        value[:, chosen] = 0
-    least, most = _over_channels(np.minimum, texels), _over_channels(np.maximum, texels)
-    lowest[chosen], highest[chosen] = cells.range_of(np.minimum, least), cells.range_of(np.maximum, most)
-    if max(float(np.ptp(value, axis=0).max(initial=0)), float((most - least).max())) < NEARLY:
-        value, texels = value[:1], texels[:1]
-    means = [mean_pane_transmittance(material.ior) for material in scene.materials]
-    return Transmittance(
-        value=np.ascontiguousarray(value),
-        lowest=lowest,
-        highest=highest,
-        ior=np.array([material.ior for material in scene.materials], np.float32)[surfaces.material],
-        mean=np.array(means, np.float32)[surfaces.material],
-        picture=picture,
-        lookup=cells.lookup,
-        texels=np.ascontiguousarray(texels),
-        size=cells.size,
+    other = [material.back is not None and passes_unlike(material, materials[material.back]) for material in materials]
+    unlike = np.array(other)[surfaces.material]
+    sides = [(surfaces.material, np.ones(surfaces.count, bool))]
+    if unlike.any():
+        sides.append((np.where(unlike, scene.behind[surfaces.material], surfaces.material), unlike))
+    found: list[Transmittance] = []
+    channels = 1
+    for material, own in sides:
+        chosen = np.flatnonzero(varies[material] & own) if shader is not None else np.zeros(0, np.int64)
+        value = constant[material].T
+        picture = np.full(surfaces.count, -1, np.int32)
+        picture[chosen] = np.arange(len(chosen))
+        lowest, highest = value.min(0), value.max(0)
+        cells = _Cells.of(surfaces.area[chosen], density)
+        texels = np.zeros((3, cells.size**2), np.float32)
+        if shader is not None and len(chosen):
+            texels = _asked(scene, surfaces, shader, chosen, cells, behind=len(found) > 0)
+            value[:, chosen] = 0
+        least, most = _over_channels(np.minimum, texels), _over_channels(np.maximum, texels)
+        lowest[chosen], highest[chosen] = cells.range_of(np.minimum, least), cells.range_of(np.maximum, most)
+        if max(float(np.ptp(value, axis=0).max(initial=0)), float((most - least).max())) >= NEARLY:
+            channels = 3
+        means = [mean_pane_transmittance(entry.ior) for entry in materials]
+        found.append(
+            Transmittance(
+                value=value,
+                lowest=lowest,
+                highest=highest,
+                ior=np.array([entry.ior for entry in materials], np.float32)[material],
+                mean=np.array(means, np.float32)[material],
+                picture=picture,
+                lookup=cells.lookup,
+                texels=texels,
+                size=cells.size,
+                unlike=unlike,
+            )
+        )
+    front, *behind = (
+        replace(side, value=_first(side.value, channels), texels=_first(side.texels, channels)) for side in found
     )
+    return replace(front, behind=behind[0]) if behind else front
 
 
-def _asked(scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cells: _Cells) -> Float32:
+def _first(rows: Float32, channels: int) -> Float32:
+    return np.ascontiguousarray(rows[:channels])
+
+
+def passes_unlike(front: Material, back: Material) -> bool:
+    """Whether light may pass a surface otherwise from behind."""
+    if "transmittance" in front.varies:
+        return True
+    return (front.transmittance, front.ior) != (back.transmittance, back.ior)
+
+
+def _asked(scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cells: _Cells, behind: bool) -> Float32:
     """Pictures (3, size * size) of the `chosen` triangles, in 0..1."""
     meshes = np.zeros(len(scene.meshes), bool)
     meshes[surfaces.mesh[chosen]] = True
@@ -160,7 +206,8 @@ def _asked(scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cell
         page=np.where(meshes, 0, -1).astype(np.int32),
         uv=tuple(outside[first:last] for first, last in zip(surfaces.first[:-1], surfaces.first[1:], strict=True)),
     )
-    page = shader(layout, meshes, "transmittance")[0].reshape(-1, 3)
+    seen = {"behind": True} if behind else {}
+    page = shader(layout, meshes, "transmittance", **seen)[0].reshape(-1, 3)
     shares: Float32 = np.clip(np.nan_to_num(page.T), 0, 1).astype(np.float32)
     for channel in shares:
         cells.mirror(channel)

@@ -247,8 +247,12 @@ class Visibility:
         self._count(origins, segments)
         return self._opaque.blocks(origins, segments, SEGMENT_END)
 
-    def transmitted(self, origins: Float32, segments: Float32) -> Float32:
-        """The share (C, R) of light that gets from origins + segments (R, 3) to origins (R, 3), C `channels`."""
+    def transmitted(self, origins: Float32, segments: Float32, both_ways: bool = False) -> Float32:
+        """The share (C, R) of light that gets from origins + segments (R, 3) to origins (R, 3), C `channels`.
+
+        Args:
+            both_ways: as for `first_hit`
+        """
         self._count(origins, segments)
         clear = ~self._opaque.blocks(origins, segments, SEGMENT_END)
         share = np.repeat(clear.astype(np.float32)[None], self.channels, axis=0)
@@ -261,7 +265,7 @@ class Visibility:
                 return np.asarray(left.max(0) > 0)
 
             ends = np.full(len(rays), SEGMENT_END, np.float32)
-            share[:, rays[self._pass(origins[rays], segments[rays], ends, dims)]] = 0
+            share[:, rays[self._pass(origins[rays], segments[rays], ends, dims, both_ways)]] = 0
         return share
 
     def escapes(self, origins: Float32, directions: Float32) -> Bools:
@@ -271,12 +275,15 @@ class Visibility:
         self._count(origins, directions)
         return ~self._opaque.blocks(origins, directions)
 
-    def first_hit(self, origins: Float32, directions: Float32, chance: Float32 | None = None) -> Hits:
+    def first_hit(
+        self, origins: Float32, directions: Float32, chance: Float32 | None = None, both_ways: bool = False
+    ) -> Hits:
         """The nearest surface that stops each ray (R, 3).
 
         Args:
             chance: (R,) uniform in [0, 1), even over the rays of one receiver, for what passes half clear surfaces;
                 None: hashed from the rays
+            both_ways: what lets light through from one side only stops it from either, as exchange takes it
         """
         self._count(origins, directions)
         hits, _ = self._opaque.first(origins, directions)
@@ -304,10 +311,10 @@ class Visibility:
                 tint[on] *= (passed[:, onward] / mean[onward]).T
             return onward
 
-        self._pass(origins, directions, hits.distance, stops)
+        self._pass(origins, directions, hits.distance, stops, both_ways)
         return replace(found, tint=tint)
 
-    def _pass(self, origins: Float32, directions: Float32, ends: Float32, passing: Passing) -> Int64:
+    def _pass(self, origins: Float32, directions: Float32, ends: Float32, passing: Passing, both_ways: bool) -> Int64:
         """Walk along rays (R, 3) from one surface that is not opaque to the next, up to `ends` (R,).
 
         Returns:
@@ -329,7 +336,9 @@ class Visibility:
             hits = Hits(hits.triangle[met], hits.u[met], hits.v[met], begin + hits.distance[met], hits.front[met])
             length, across = (np.sqrt(np.einsum("ij,ij->i", part, part)) for part in (way, normal))
             cosine = np.abs(np.einsum("ij,ij->i", way, normal)) / np.maximum(length * across, TINY)
-            onward = passing(ray, hits, self.transmittance.at(hits.triangle, hits.u, hits.v, np.minimum(cosine, 1)))
+            side = None if both_ways else hits.front
+            share = self.transmittance.at(hits.triangle, hits.u, hits.v, np.minimum(cosine, 1), side)
+            onward = passing(ray, hits, share)
             begin = hits.distance + self._lift / (length * np.maximum(cosine, FLATTEST))
             kept = np.flatnonzero(onward & (begin < ends[ray]))
             ray, begin = ray[kept], begin[kept]

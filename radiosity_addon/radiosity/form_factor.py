@@ -134,7 +134,7 @@ def trace_view(
         sample = np.arange(begin[start], begin[stop]) - begin[ids]
         origins, normals = patches.origins(ids, sample)
         directions = pattern.directions(normals, ids, sample)
-        hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample))
+        hits = visibility.first_hit(origins, directions, passing_chance(visibility, ids, sample), both_ways=True)
         met = patches.at(hits)
         target[begin[start] : begin[stop]] = met
         if tint is not None and hits.tint is not None:

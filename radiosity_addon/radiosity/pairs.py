@@ -59,7 +59,7 @@ def exchange_of_pairs(patches: Patches, visibility: Visibility, samples: int, wo
             cosine *= -np.einsum("ij,ij->i", gap, normals[chosen, other])
             facing = np.flatnonzero((cosine > 0) & (np.einsum("ij,ij->i", gap, normals[sample, one]) > 0))
             squared = np.einsum("ij,ij->i", gap[facing], gap[facing]).astype(np.float64)
-            seen = visibility.transmitted(points[sample, one[facing]], gap[facing])
+            seen = visibility.transmitted(points[sample, one[facing]], gap[facing], both_ways=True)
             # cosines are still times the distance, both
             total[:, facing] += seen * cosine[facing] / squared / (np.pi * squared + mean_area[facing] / samples)
         kept = np.flatnonzero(total.any(0))

@@ -44,13 +44,12 @@ def test_what_looks_alike_from_both_sides_has_one_record():
     assert read_sides(plain.material, 0, plain.warnings.append)[1] is None
 
 
-def test_light_that_passes_one_way_only_is_named():
+def test_a_wall_that_is_clear_from_behind_stops_light_in_front():
     tree = Tree()
-    tree.show(by_side(tree, tree.node("BsdfDiffuse"), tree.node("BsdfTransparent")))
-    assert read_sides(tree.material, 0, tree.warnings.append)[1] is None
-    assert tree.warnings == [
-        "lets light through otherwise from behind, which is not followed: both faces look as the front"
-    ]
+    tree.show(by_side(tree, tree.node("BsdfDiffuse", Color=(0.4, 0.5, 0.6)), tree.node("BsdfTransparent")))
+    front, back = read_sides(tree.material, 0, tree.warnings.append)
+    assert (front.reflectance, front.transmittance) == (rgb(0.4, 0.5, 0.6), (0, 0, 0))
+    assert (back.reflectance, back.transmittance) == ((0, 0, 0), (1, 1, 1))
 
 
 @pytest.mark.parametrize("kind", ["Fresnel", "LayerWeight"])

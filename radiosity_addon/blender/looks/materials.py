@@ -107,9 +107,6 @@ def read_sides(material: bpy.types.Material | None, group: int, warn: Warn) -> t
     back = read_material(material, group, warn, BEHIND)
     if back == front and not front.varies:
         return front, None
-    if (back.transmittance, back.ior) != (front.transmittance, front.ior):
-        warn("lets light through otherwise from behind, which is not followed: both faces look as the front")
-        return front, None
     shared = {"varies": front.varies | back.varies, "group": max(front.group, back.group)}
     return replace(front, **shared), replace(back, **shared)
 
