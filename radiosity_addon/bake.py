@@ -17,6 +17,7 @@ from .gather.final_gather import final_gather
 from .gather.own_error import OwnError, own_error
 from .geometry.appearance import Appearance, appearance_of
 from .geometry.opacity import opacity_of
+from .geometry.sheets import Sheets, sheets_of
 from .geometry.sides import with_backs
 from .geometry.surfaces import Surfaces, flatten
 from .geometry.texels import Texels, rasterize
@@ -131,16 +132,19 @@ def bake(
     suns = () if sky is None else sky.suns
     lamps, look, warnings = yield from log.stage("Materials", _looks(scene, atlas, texels, solid, suns, shade))
     wanted = texels.pixel < atlas.page_count * atlas.size**2
+    sheets = sheets_of(scene.materials, texels, look)
     live = LiveLight(viewer, first, atlas, texels, look)
     log.viewer, exchange, error, ended_in = viewer, None, None, ""
     try:
         lighting = direct_light(lamps, texels, scene, visibility, settings)
         direct, beams = yield from log.stage("Direct light", lighting)
+        if sheets is not None:
+            sheets.mix(direct)
         live.update(direct=lambda: direct)
         opacity = opacity_of(texels, transmittance)
         if opacity is not None:
             look = look.stopped(opacity)
-        start = Start(scene, texels, walls, solid, look, opacity, lamps, sky, direct)
+        start = Start(scene, texels, walls, solid, look, opacity, sheets, lamps, sky, direct)
         exchange = yield from exchange_light(start, _patches_for(wanted, settings), visibility, settings, log)
         patches = exchange.patches
         light = Illumination(
@@ -153,7 +157,7 @@ def bake(
         )
         if settings.final_gather:
             live.exchanged(lambda: light.irradiance_of_patches(patches))
-            gather = final_gather(texels, patches, light, wanted, visibility, settings, live.gathered)
+            gather = final_gather(texels, patches, light, wanted, visibility, settings, live.gathered, sheets)
             indirect = yield from log.stage("Gather", gather)
         else:
             indirect = light.irradiance_of_patches(patches)
@@ -161,7 +165,16 @@ def bake(
         log.viewer = None  # the light is there
         counted = any(limit is not None for limit in bounce_limits(scene, settings))
         check = own_error(
-            texels, patches, light, lamps, direct, indirect, counted, wanted, visibility, settings.workers
+            texels,
+            patches,
+            light,
+            lamps,
+            direct,
+            indirect,
+            counted,
+            _one_sided(wanted, sheets),
+            visibility,
+            settings.workers,
         )
         error = yield from log.stage("Check", check)
         irradiance = clamped(direct, look.reflectance, settings.clamp_direct)
@@ -246,6 +259,15 @@ def _looks(
     sampled = lamps.sampled[texels.surfaces.front]
     look, warnings = yield from scaled(appearance_of(scene, atlas, texels, sampled, shade, solid), 0.3, 1.0)
     return lamps, look, said + warnings
+
+
+def _one_sided(wanted: Bools, sheets: Sheets | None) -> Bools:
+    """Texels whose light is that of one side."""
+    if sheets is None:
+        return wanted
+    alone = wanted.copy()
+    alone[sheets.texel] = False
+    return alone
 
 
 def _patches_for(wanted: Bools, settings: BakeSettings) -> int:

@@ -56,6 +56,8 @@ class Material:
     Attributes:
         name: for messages
         reflectance: diffuse albedo plus glossy albedo, each channel in [0, 1)
+        translucence: what of the reflectance leaves, scattered, from the side that was not lit, of two-sided meshes;
+            one-sided ones throw it back
         emission: emitted radiance, W/(m2 sr)
         group: light group of the emission, index into Scene.groups
         transmittance: share of the light that goes straight on, each channel in [0, 1]
@@ -72,6 +74,7 @@ class Material:
     transmittance: RGB = (0.0, 0.0, 0.0)
     ior: float = 1.0
     glosses: tuple[Gloss, ...] = ()
+    translucence: RGB = (0.0, 0.0, 0.0)
     varies: frozenset[Quantity] = frozenset()
     back: int | None = None
 

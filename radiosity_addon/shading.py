@@ -11,12 +11,13 @@ from typing import Literal, Protocol, get_args
 
 from .arrays import Bools, Float32, Int32
 
-Quantity = Literal["reflectance", "emission", "transmittance"]
+Quantity = Literal["reflectance", "emission", "transmittance", "translucence"]
 """What is asked for, each a colour, of the surface as a whole: a half clear surface reflects half as much.
 
-reflectance: diffuse plus glossy albedo
+reflectance: diffuse plus glossy albedo, of what leaves from either side
 emission: W/(m2 sr)
 transmittance: share of the light that goes straight on, as through clear or coloured glass
+translucence: part of the reflectance that leaves from the other side, as through paper
 """
 
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)

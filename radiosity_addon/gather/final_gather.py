@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Int32
 from ..chunks import Fractions, scaled
+from ..geometry.sheets import Sheets
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..radiosity.illumination import Illumination
@@ -35,12 +36,14 @@ def final_gather(
     visibility: Visibility,
     settings: BakeSettings,
     gathered: Callable[[Float32, Int32], None] | None = None,
+    sheets: Sheets | None = None,
 ) -> Fractions[Float32]:
-    """Indirect irradiance, W/m2, (T, G, 3) float32, at the texels `wanted` (T,).
+    """Indirect irradiance, W/m2, (T, G, 3) float32, at the texels `wanted` (T,), of sheets mixed.
 
     Args:
         gathered: is told what gather points received, (P, 3 G), and which of them stands for each texel, (T,), after
             each pass
+        sheets: those that light passes scattered; None: there are none
     """
     steps, workers = settings.steps, settings.workers
     lit = wanted & texels.valid
@@ -60,6 +63,8 @@ def final_gather(
     for number in range(len(light.passes)):
         low, high = (0.6 + 0.1 * each / len(light.passes) for each in (number, number + 1))
         known = irradiance if number else None
+        if known is not None and sheets is not None:
+            known = sheets.mix_points(known, points.texel, points.cell)
         table = yield from scaled(light.radiance(number, patches, workers, known, points.cell), low, low)
         irradiance, far = yield from scaled(tally.sum_apart(table, workers), low, high)
         if tally.gleams is not None:
@@ -72,4 +77,5 @@ def final_gather(
     smoothing = smooth_far_light(irradiance, far, texels, points, neighbours, workers)
     irradiance = yield from scaled(smoothing, 0.8, 0.8)
     fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)
-    return fitted.reshape(texels.count, -1, 3)
+    fitted = fitted.reshape(texels.count, -1, 3)
+    return fitted if sheets is None else sheets.mix(fitted)

@@ -34,6 +34,7 @@ class Appearance:
         emission: (T, 3) float32, W/(m2 sr)
         group: (T,) int32, light group of the emission
         behind: how they look from behind; None: all the same
+        translucence: (T,) float32 as the reflectance, what of it leaves from the other side; None: nothing anywhere
 
     What is alike all over a triangle is kept once for it.
     """
@@ -42,6 +43,7 @@ class Appearance:
     emission: Float32 | ByTriangle
     group: ByTriangle
     behind: Appearance | None = None
+    translucence: Float32 | ByTriangle | None = None
 
     def stopped(self, opacity: Opacity, behind: bool = False) -> Appearance:
         """How they look to light that they stop: what a surface reflects and emits as a whole, over its opacity.
@@ -81,7 +83,19 @@ def appearance_of(
         said += more
         behind = Appearance(others["reflectance"], others["emission"], ByTriangle(group, texels.footprints))
     _show_twins(values, others, scene, texels)
-    return Appearance(values["reflectance"], values["emission"], ByTriangle(group, texels.footprints), behind), said
+    look = Appearance(
+        values["reflectance"],
+        values["emission"],
+        ByTriangle(group, texels.footprints),
+        behind,
+        values.get("translucence"),
+    )
+    return look, said
+
+
+def _shown(scene: Scene) -> tuple[Quantity, ...]:
+    passing = any(any(each.translucence) or "translucence" in each.varies for each in scene.materials)
+    return (*SHOWN, "translucence") if passing else SHOWN
 
 
 def _side(
@@ -104,7 +118,8 @@ def _side(
     seen = {} if fronts is None else {"behind": True}
     values: Looks = {}
     said: tuple[str, ...] = ()
-    for done, quantity in enumerate(SHOWN):
+    shown = _shown(scene)
+    for done, quantity in enumerate(shown):
         constants = np.array([getattr(entry, quantity) for entry in scene.materials], np.float32)[material]
         if quantity == "emission":
             constants[sampled] = 0
@@ -117,7 +132,7 @@ def _side(
             values[quantity] = np.where(chosen[triangle][:, None], values[quantity][:], painted)
         if shade is None or not asked.any():
             continue
-        yield done / len(SHOWN)
+        yield done / len(shown)
         meshes = np.bincount(texels.surfaces.mesh[asked], minlength=len(scene.meshes)) > 0
         layout = Layout(atlas.size, texels.page_count, atlas.page, atlas.uv)
         picture = shade(layout, meshes, quantity, **seen).reshape(-1, 3)
@@ -133,7 +148,7 @@ def _side(
 def _show_twins(values: Looks, others: Looks, scene: Scene, texels: Texels) -> None:
     """Let twins look, in place, as what they are twins of does from behind, where that varies."""
     triangle = texels.triangle[:]
-    for quantity in SHOWN:
+    for quantity in values:
         shown = others[quantity]
         if not isinstance(shown, np.ndarray):
             continue

@@ -23,7 +23,7 @@ TURNED = [0, 2, 1]
 
 def backs_of(meshes: Sequence[Mesh]) -> dict[int, int]:
     """Of each two-sided mesh, by its index, the index that the record of its backs will have."""
-    wanted = [index for index, mesh in enumerate(meshes) if mesh.two_sided and mesh.lightmapped and len(mesh.triangles)]
+    wanted = [index for index, mesh in enumerate(meshes) if mesh.two_sided and len(mesh.triangles)]
     return {index: len(meshes) + k for k, index in enumerate(wanted)}
 
 

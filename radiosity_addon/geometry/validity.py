@@ -10,6 +10,7 @@ from ..chunks import Fractions, in_chunks
 from ..columns import some
 from ..sampling import cosine_directions, hash_uniform
 from ..scene import Scene, SunLight
+from .sheets import is_sheet
 from .surfaces import Surfaces
 from .texels import STRATA, Texels
 from .visibility import Visibility
@@ -27,7 +28,7 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     """(F,) bool: triangles that bound a solid: a closed opaque surface, facing outward, that no lamp stands inside.
 
     No light reaches the inside of such a surface. A closed surface around a lamp is a room instead, whatever open
-    surfaces stand between; one that faces inward is a room seen from within.
+    surfaces stand between, and so is one that light passes; one that faces inward is a room seen from within.
     """
     closed = np.flatnonzero(surfaces.closed)
     if not len(closed):
@@ -63,6 +64,9 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     needed = np.where(pairs[:, 0] < count, LAMP_RAYS // 2, 3)
     rooms = pairs[seen >= needed, 1]
     rooms = np.concatenate([rooms, surfaces.component[~(surfaces.met & surfaces.casts)]])
+    sheet = is_sheet(scene.materials)
+    sheet |= sheet[scene.behind]
+    rooms = np.concatenate([rooms, surfaces.component[sheet[surfaces.material]]])
     if visibility.transmittance is not None:
         rooms = np.concatenate([rooms, surfaces.component[~visibility.transmittance.opaque]])
     return surfaces.closed & _facing_outward(surfaces) & ~np.isin(surfaces.component, rooms)

@@ -105,7 +105,7 @@ def patch_light(
     leaving, steps = own, int(level.max(initial=NONE_REFLECTED)) + 1
     for bounce in range(steps):
         power = transport.gather(leaving.reshape(len(leaving), -1))
-        received = (power / transport.area[:, None]).reshape(leaving.shape)
+        received = transport.mixed(power / transport.area[:, None]).reshape(leaving.shape)
         leaving = first + reflectance * received
         for light, row in zip(result, level, strict=True):
             here = np.flatnonzero(row == bounce)

@@ -12,6 +12,7 @@ from ..arrays import Bools, Float32, Float64, Int32
 from ..chunks import Fractions, scaled
 from ..geometry.appearance import Appearance
 from ..geometry.opacity import Opacity
+from ..geometry.sheets import Sheets
 from ..geometry.texels import Texels
 from ..geometry.visibility import Visibility
 from ..geometry.walls import Walls
@@ -22,6 +23,7 @@ from ..scene import Scene
 from ..settings import BakeSettings
 from ..stages import Progress, StageLog
 from .bounces import bounce_limits, patch_light
+from .crossing import crossing_of
 from .form_factor import trace_transport
 from .illumination import Exitance, PatchLight, first_exitance, sky_irradiance
 from .patches import Patches, group_patches
@@ -40,8 +42,9 @@ class Start:
         texels, walls: where light is received, and what parts it
         solid: (F,) bool, triangles without a back side
         look, opacity: how texels look, and what they stop
+        sheets: those that light passes scattered; None: there are none
         lamps, sky: where light comes from
-        direct: (T, G, 3) float32, W/m2, irradiance from lamps
+        direct: (T, G, 3) float32, W/m2, irradiance from lamps, of sheets mixed
     """
 
     scene: Scene
@@ -50,6 +53,7 @@ class Start:
     solid: Bools
     look: Appearance
     opacity: Opacity | None
+    sheets: Sheets | None
     lamps: Lamps
     sky: Sky | None
     direct: Float32
@@ -105,6 +109,7 @@ def _exchange(
         rear,
     )
     transport = yield from log.stage("Transport", trace_transport(patches, visibility, settings, start.sky))
+    transport = replace(transport, crossing=crossing_of(patches, start.sheets))
     sky = sky_irradiance(transport, scene)
     surfaces, bent = start.texels.surfaces, None
     if surfaces.bends:  # the light of other patches comes from all around

@@ -48,10 +48,13 @@ def cell_radiance(sky: Sky | None, scene: Scene) -> Float32:
 
 
 def sky_irradiance(transport: Transport, scene: Scene) -> Float64:
-    """What patches get from the world (N, G, 3), W/m2: how much of their view is sky times what they see of it."""
+    """What patches get from the world (N, G, 3), W/m2: how much of their view is sky times what they see of it.
+
+    Through sheets too.
+    """
     light: Float64 = transport.sky[:, None, None] * np.pi * world_radiance(scene) * transport.sky_tint[:, None]
     light[:, scene.world.group] += transport.sky[:, None] * np.pi * transport.sky_radiance
-    return light
+    return transport.mixed(light.reshape(len(light), -1)).reshape(light.shape)
 
 
 @dataclass(frozen=True, eq=False)

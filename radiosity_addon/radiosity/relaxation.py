@@ -4,7 +4,8 @@
 All ways keep the same books. Of the radiosity, `shot` was sent to the other patches, which received the irradiance
 H = F shot; what they have not sent on is unshot = E + rho H - shot. A step shoots light of some patches or of all,
 and the solvers (solvers.py) only differ in which (Gortler, Cohen and Slusallek 1994). E + rho H is a picture that
-lacks later bounces. Light groups and colour channels ride along as columns.
+lacks later bounces. Where light passes sheets, rho counts for the light of both their sides (crossing.py). Light groups
+and colour channels ride along as columns.
 """
 
 from __future__ import annotations
@@ -87,7 +88,8 @@ class Solution:
 
     Attributes:
         radiosity: (N, G, 3) float64, W/m2
-        irradiance: (N, G, 3) float64, W/m2, received from patches; direct light that came in the exitance is not in it
+        irradiance: (N, G, 3) float64, W/m2, received from patches, of sheets what their reflectance counts for; direct
+            light that came in the exitance is not in it
         unshot: (N, G, 3) float64, W/m2
         ambient: (G, 3) float64, W/m2, irradiance that the unshot light may bring in the end
         shots: patches shot, counted each time
@@ -171,6 +173,12 @@ class UnshotLight:
         columns = (self._area * np.abs(self.unshot) * self._weight).sum(0)
         return float(columns.reshape(self._groups, 3).sum(1).max(initial=0))
 
+    def bounced(self, received: Float64) -> Float64:
+        """Power (N, C), W, that patches send on of the power (N, C) that they receive."""
+        if self.transport.crossing is None:
+            return self.reflectance * received
+        return self.reflectance * self.transport.mixed(received / self._area) * self._area
+
     def shoot(self, rows: Int64, amount: Float64, received: Float64 | None = None) -> None:
         """Send radiosity `amount` (S, C), W/m2, from patches `rows` (S,).
 
@@ -179,10 +187,10 @@ class UnshotLight:
         """
         if received is None:
             received = self.transport.scatter(rows, amount)
-        bounced = self.reflectance * received
+        bounced = self.bounced(received)
         self.unshot[rows] -= amount
         self.unshot += bounced / self._area
-        self.irradiance += received / self._area
+        self.irradiance += self.transport.mixed(received / self._area)
         leaving = amount * self._area[rows]
         self._shot += leaving.sum(0)
         self._escaped += (leaving * self._losses[rows]).sum(0)

@@ -159,8 +159,11 @@ def conjugate_gradient(light: UnshotLight) -> Step:
 
     A / rho - K is symmetric and positive definite: the equation times A / rho. Its diagonal as preconditioner turns the
     residual into the unshot light itself. Patches that reflect nothing shoot their exitance at first, and then rest.
+    Where light passes sheets the equation is not symmetric, and least residuals are sought instead.
     """
     transport = light.transport
+    if transport.crossing is not None:
+        return least_residual(light)
     area = transport.area[:, None]
     weight = np.divide(area, light.reflectance, out=np.zeros_like(light.reflectance), where=light.reflectance > 0)
     direction = np.zeros_like(light.unshot)
@@ -187,6 +190,40 @@ def conjugate_gradient(light: UnshotLight) -> Step:
     return step
 
 
+def least_residual(light: UnshotLight) -> Step:
+    """Orthomin(1) (Vinsome 1976; Eisenstat, Elman and Schultz 1983): each step makes the unshot light the least, by
+    area, that its direction can, and the next direction leaves that as it is.
+
+    It asks for no symmetry, but that what is reflected is less than what was sent.
+    """
+    area = light.transport.area[:, None]
+    everyone = np.arange(len(light.unshot))
+
+    def taken_by(direction: Float64, received: Float64) -> Float64:
+        """What shooting a direction (N, C) that brings power `received` (N, C) takes from the unshot power."""
+        return direction * area - light.bounced(received)
+
+    def ratio(one: Float64, other: Float64) -> Float64:
+        return np.divide(one, other, out=np.zeros_like(one), where=other > 0)
+
+    direction = light.unshot.copy()
+    received = light.transport.gather(direction)
+
+    def step() -> Int64:
+        nonlocal direction, received
+        taken = taken_by(direction, received)
+        square = (taken**2 / area).sum(0)
+        length = ratio((light.unshot * taken).sum(0), square)
+        light.shoot(everyone, direction * length, received * length)
+        onwards = light.transport.gather(light.unshot)
+        back = ratio((taken_by(light.unshot, onwards) * taken / area).sum(0), square)
+        direction = light.unshot - direction * back
+        received = onwards - received * back
+        return everyone
+
+    return step
+
+
 @solver(MOST_REPEATS)
 def dense(light: UnshotLight) -> Step:
     """Elimination on the full matrix I - rho F: one step, and a second that mends its rounding.
@@ -207,7 +244,7 @@ def dense(light: UnshotLight) -> Step:
         amount: Float64 = np.empty_like(light.unshot)
         for channel in range(3):
             columns = slice(channel, None, 3)
-            exchange = transport.dense(channel) / transport.area[:, None]
+            exchange = transport.mixed(transport.dense(channel) / transport.area[:, None], channel)
             matrix = np.eye(transport.count) - light.reflectance[:, [channel]] * exchange
             amount[:, columns] = np.linalg.solve(matrix, light.unshot[:, columns])
         light.shoot(everyone, amount)

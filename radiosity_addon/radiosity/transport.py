@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import Float16, Float32, Float64, Int32, Int64
 from ..chunks import Fractions, finish, in_chunks
+from .crossing import Crossing
 from .patches import NOTHING, SKY
 
 MERGED_HITS = 1 << 20
@@ -66,6 +67,8 @@ class Transport:
         workers: threads
         sky_tint: (N, 3) float64, what the sky's light on a patch is multiplied with, on average, for passing surfaces
         sky_radiance: (N, 3) float64, W/(m2 sr), mean of the sky's cells over the rays of a patch that left
+        crossing: which patches lie behind which, and how much comes through; None: no light passes scattered. It has
+            no part in what patches receive here, but in what they make of it
         tint: (3, P) float32, what coloured glass between two patches multiplies each channel with, 1 on average over
             the channels; None: nothing between them is coloured
     """
@@ -81,6 +84,7 @@ class Transport:
     sky_tint: Float64 = field(default_factory=lambda: np.ones((1, 3)))
     sky_radiance: Float64 | float = 0.0
     tint: Float32 | None = None
+    crossing: Crossing | None = None
 
     @property
     def count(self) -> int:
@@ -97,6 +101,14 @@ class Transport:
             return self.escaped[:, None]
         reached = _row_sums(self.first, self.column, self.exchange, np.ones((3, self.count)), self.workers, self.tint)
         return 1 - reached.T / self.area[:, None]
+
+    def mixed(self, irradiance: Float64, channel: int | None = None) -> Float64:
+        """The irradiance (N, C), W/m2, that reflectances count for, of the irradiance (N, C) on each patch.
+
+        Args:
+            channel: of all columns; None: they are red, green and blue in turn
+        """
+        return irradiance if self.crossing is None else self.crossing.mixed(irradiance, channel)
 
     def gather(self, radiosity: Float64) -> Float64:
         """Power (N, C), W, that every patch receives when all leave `radiosity` (N, C), W/m2: K @ radiosity.

@@ -183,7 +183,7 @@ def by_cycles(baked: Baked, found: Scene, names: Collection[str], passes: set[st
     image.pixels.foreach_set(np.full(4 * size * size, -1, np.float32))
     white = baked_material(image)
     things = []
-    for mesh, uv in zip(found.meshes, baked.atlas.uv, strict=True):
+    for mesh, uv in zip(found.meshes, baked.atlas.uv[: len(found.meshes)], strict=True):
         if mesh.name not in names:
             continue
         thing = bpy.data.objects[mesh.name]

@@ -108,6 +108,35 @@ def test_what_lets_light_pass_has_no_gloss():
     assert tree.read().glosses == ()
 
 
+def test_a_translucent_shader_lets_its_colour_through_scattered():
+    tree = Tree()
+    mix = tree.node("MixShader", Fac=0.25)
+    tree.link(tree.node("BsdfDiffuse", Color=(0.4, 0.8, 0.0)), mix, 1)
+    tree.link(tree.node("BsdfTranslucent", Color=(0.8, 0.4, 0.2)), mix, 2)
+    tree.show(mix)
+    material = tree.read()
+    assert material.reflectance == rgb(0.5, 0.7, 0.05)
+    assert material.translucence == rgb(0.2, 0.1, 0.05)
+    assert not tree.warnings
+
+
+def test_a_textured_translucent_shader_varies_in_what_comes_through():
+    tree = Tree()
+    leaf = tree.node("BsdfTranslucent")
+    tree.link(tree.node("TexChecker"), leaf, "Color")
+    tree.show(leaf)
+    assert tree.read().varies == {"reflectance", "translucence"}
+
+
+def test_what_is_limited_lets_through_no_more_of_it():
+    tree = Tree()
+    add = tree.node("AddShader")
+    tree.link(tree.node("BsdfDiffuse", Color=(0.9, 0.9, 0.9)), add, 0)
+    tree.link(tree.node("BsdfTranslucent", Color=(0.9, 0.9, 0.9)), add, 1)
+    tree.show(add)
+    assert tree.read().translucence == rgb(*(MAX_REFLECTANCE / 2,) * 3)
+
+
 def test_constants_are_followed_through_reroutes_and_colour_nodes():
     tree = Tree()
     colour = tree.node("RGB")
@@ -246,7 +275,6 @@ def test_an_unknown_shader_is_grey_with_a_warning():
 @pytest.mark.parametrize(
     ("kind", "inputs", "text"),
     [
-        ("BsdfTranslucent", {"Color": GREY}, "Translucent BSDF scatters light back, not through"),
         ("SubsurfaceScattering", {"Color": GREY}, "leaves where it came in"),
         ("BsdfToon", {"Color": GREY}, "a diffuse surface of its colour stands in"),
         ("BsdfPrincipled", {"Subsurface_Weight": 0.5}, "light that enters Principled BSDF leaves where it came in"),

@@ -12,7 +12,7 @@ import pytest
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.errors import SceneError
 from tests.blender.datablocks import differences, snapshot
-from tests.blender.materials import diffuse
+from tests.blender.materials import bare, diffuse
 
 SUN = 3.0
 """W/m2; a surface that faces it holds 3 / pi."""
@@ -109,3 +109,30 @@ def test_two_sides_need_room_for_two_uv_maps(leaf: bpy.types.Object) -> None:
         extract_scene(bpy.context.scene)
     leaf.radiosity.two_sided = False
     assert not extract_scene(bpy.context.scene).scene.meshes[0].two_sided
+
+
+def test_paper_is_two_sided_by_itself_and_shows_the_light_that_comes_through(
+    leaf: bpy.types.Object, tmp_path: Path
+) -> None:
+    """rho = 0.1, tau = 0.4: each side holds its share of the sun on the upper one, the preview half of it."""
+    leaf.radiosity.two_sided = False
+    paper = bare("Paper")
+    nodes, links = paper.node_tree.nodes, paper.node_tree.links
+    both, end = nodes.new("ShaderNodeAddShader"), nodes.new("ShaderNodeOutputMaterial")
+    for place, (kind, grey) in enumerate((("Diffuse", 0.1), ("Translucent", 0.4))):
+        closure = nodes.new(f"ShaderNodeBsdf{kind}")
+        closure.inputs["Color"].default_value = (grey, grey, grey, 1)
+        links.new(closure.outputs[0], both.inputs[place])
+    links.new(both.outputs[0], end.inputs["Surface"])
+    leaf.data.materials[0] = paper
+    before = snapshot()
+    assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    assert middle_of(leaf, "Radiosity") == pytest.approx(0.2 * SUN / np.pi, rel=0.005)
+    assert middle_of(leaf, "Radiosity Back") == pytest.approx(0.8 * SUN / np.pi, rel=0.005)
+    sun = bpy.data.objects["Sun"]
+    sun.hide_render = True
+    assert seen(True, tmp_path) == pytest.approx(0.1 * SUN / np.pi, rel=0.01)
+    assert seen(False, tmp_path) == pytest.approx(0.4 * SUN / np.pi, rel=0.01)
+    sun.hide_render = False
+    assert bpy.ops.radiosity.revert() == {"FINISHED"}
+    assert not [each for each in differences(before, snapshot()) if "Leaf" in each or "Paper" in each]

@@ -33,8 +33,8 @@ def check_is_there(thing: bpy.types.Object) -> None:
         raise SceneError(thing.name, "its library file is missing", "Relocate the library, or remove the object")
 
 
-def check_can_carry(thing: bpy.types.Object) -> None:
-    """Whether a lightmap can be put on an object.
+def check_can_carry(thing: bpy.types.Object, two_sided: bool) -> None:
+    """Whether a lightmap, or two if it is `two_sided`, can be put on an object.
 
     Raises:
         SceneError: it is linked, or its uv maps leave no room
@@ -46,16 +46,19 @@ def check_can_carry(thing: bpy.types.Object) -> None:
     if not data.is_editable and thing.override_library is None:
         raise SceneError(thing.name, f"its data {data.name!r} is linked from another file", local)
     if isinstance(data, bpy.types.Mesh):
-        _check_uv_room(thing, data)
+        _check_uv_room(thing, data, two_sided)
 
 
-def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+def check_can_stand_in(
+    instancer: bpy.types.Object, thing: bpy.types.Object, mesh: bpy.types.Mesh, two_sided: bool
+) -> None:
     """Whether stand-ins can take the place of an object's instances.
 
     Args:
         instancer: what makes them
         thing: the object
         mesh: as rendered
+        two_sided: they take two lightmaps
 
     Raises:
         SceneError: the instancer is linked, so that it can't be hidden, or the uv maps leave no room
@@ -64,11 +67,11 @@ def check_can_stand_in(instancer: bpy.types.Object, thing: bpy.types.Object, mes
         local = "Make it local, or set what it shows to only shadow and bounce light"
         raise SceneError(instancer.name, "it is linked from another file", local)
     if not (has_our_uv_map(mesh) or (isinstance(thing.data, bpy.types.Mesh) and has_our_uv_map(thing.data))):
-        _check_uv_room(thing, mesh)
+        _check_uv_room(thing, mesh, two_sided)
 
 
-def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
-    wanted = (UV_MAP, BACK_UV_MAP) if is_two_sided(thing) else (UV_MAP,)
+def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh, two_sided: bool) -> None:
+    wanted = (UV_MAP, BACK_UV_MAP) if two_sided else (UV_MAP,)
     ours = (UV_MAP, BACK_UV_MAP) if has_our_uv_map(mesh) else ()
     own = [layer.name for layer in mesh.uv_layers if layer.name not in ours]
     for name in wanted:
@@ -82,7 +85,7 @@ def _check_uv_room(thing: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
 
 
 def is_two_sided(thing: bpy.types.Object) -> bool:
-    """Whether an object's backs get a place on the lightmaps."""
+    """Whether an object is set to have light of its own on its backs."""
     return bool(getattr(getattr(thing, "radiosity", None), "two_sided", False))
 
 

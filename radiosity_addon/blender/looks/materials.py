@@ -52,14 +52,15 @@ StandIn = Callable[[bpy.types.Node, str, Groups], Float64]
 class Shading:
     """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each.
 
-    `refracted` is the transmittance times the index of refraction of what lets light pass; `glosses` are part of the
-    reflectance.
+    `refracted` is the transmittance times the index of refraction of what lets light pass; `translucence` and `glosses`
+    are part of the reflectance.
     """
 
     reflectance: Float64 = field(default_factory=lambda: BLACK)
     emission: Float64 = field(default_factory=lambda: BLACK)
     transmittance: Float64 = field(default_factory=lambda: BLACK)
     refracted: Float64 = field(default_factory=lambda: BLACK)
+    translucence: Float64 = field(default_factory=lambda: BLACK)
     glosses: tuple[Gloss, ...] = ()
 
     def __add__(self, other: Shading) -> Shading:
@@ -72,11 +73,11 @@ class Shading:
 
     @property
     def _parts(self) -> tuple[Float64, ...]:
-        return self.reflectance, self.emission, self.transmittance, self.refracted
+        return self.reflectance, self.emission, self.transmittance, self.refracted, self.translucence
 
     def unlike(self, other: Shading) -> frozenset[str]:
         """Names of what is not the same."""
-        names = ("reflectance", "emission", "transmittance", "refracted")
+        names = ("reflectance", "emission", "transmittance", "refracted", "translucence")
         parts = zip(names, self._parts, other._parts, strict=True)
         return frozenset(name for name, one, two in parts if (one != two).any())
 
@@ -139,16 +140,21 @@ def read_material(
         warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
     if min(reflectance.min(), emission.min()) < 0:
         warn("has a negative colour, which is taken as black")
+    held = np.clip(reflectance, 0, MAX_REFLECTANCE)
+    through = np.divide(shading.translucence, reflectance, out=np.zeros(3), where=reflectance > 0)
+    translucence = held * np.clip(through, 0, 1)
+    passes = transmittance.any() or translucence.any() or varies & {"transmittance", "translucence"}
     return Material(
         name=material.name,
-        reflectance=rgb(np.clip(reflectance, 0, MAX_REFLECTANCE)),
+        reflectance=rgb(held),
         emission=rgb(np.maximum(emission, 0)),
         group=group if emission.any() or "emission" in varies else 0,
         transmittance=rgb(np.clip(transmittance, 0, 1)),
         ior=float(np.clip(shading.refracted.sum() / max(transmittance.sum(), 1e-9), 1, None))
         if transmittance.any()
         else 1.0,
-        glosses=() if transmittance.any() or "transmittance" in varies else shading.glosses,
+        glosses=() if passes else shading.glosses,
+        translucence=rgb(translucence),
         varies=varies,
     )
 
@@ -356,8 +362,8 @@ def _scattering(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
 
 
 def _translucent(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    reader.warn(f"{node.name} scatters light back, not through: a diffuse surface of its colour stands in")
-    return _diffuse(reader, node, groups)
+    color = reader.color(node, "Color", groups)
+    return Shading(color, translucence=color)
 
 
 def _stand_in(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:

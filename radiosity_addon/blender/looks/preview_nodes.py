@@ -17,7 +17,7 @@ import numpy as np
 
 from ...arrays import Float64
 from ...scene import RGB
-from ...shading import QUANTITIES, Quantity
+from ...shading import Quantity
 from ..data.names import BAKE_KEY, UV_MAP
 from .materials import DEFAULT_REFLECTANCE, READERS, Shading, rgb
 from .node_arithmetic import BLACK, NEGLIGIBLE, WHITE, Arithmetic, Color, incoming
@@ -28,6 +28,8 @@ LINEAR = (*COLORS, "Emission Strength", "Strength")
 """Inputs that closures are linear in, whatever their values."""
 SHARES = ("Metallic", "Transmission Weight", "Coat Weight", "Specular IOR Level")
 """Inputs that closures are linear in, or bend little, from 0 to 1."""
+SEEN: tuple[Quantity, ...] = ("reflectance", "emission", "transmittance")
+"""What shows: a page holds the light of both sides of a sheet."""
 GREY: RGB = (0.5, 0.5, 0.5)
 ROUGHNESS = "Roughness"
 ROUGHNESSES = tuple(step / 8 for step in range(9))
@@ -39,18 +41,20 @@ class Look:
     """What a shader does with light, as far as a lightmap can show it.
 
     Attributes:
-        albedo: share of the incoming light that leaves again
+        albedo: share of the incoming light that leaves again, on either side
         emission: emitted radiance, W/(m2 sr)
         through: share of the light from behind that passes straight through
+        translucence: what of the albedo leaves on the side that was not lit
     """
 
     albedo: Color = BLACK
     emission: Color = BLACK
     through: Color = BLACK
+    translucence: Color = BLACK
 
     @property
-    def colors(self) -> tuple[Color, Color, Color]:
-        return self.albedo, self.emission, self.through
+    def colors(self) -> tuple[Color, Color, Color, Color]:
+        return self.albedo, self.emission, self.through, self.translucence
 
 
 class Sampler:
@@ -107,7 +111,7 @@ class ShaderReader(Arithmetic):
         token: str,
         outer: ShaderReader | None = None,
         group: bpy.types.Node | None = None,
-        wanted: Collection[Quantity] = QUANTITIES,
+        wanted: Collection[Quantity] = SEEN,
     ) -> None:
         """Args:
         tree: may be changed: nodes are added
@@ -169,19 +173,21 @@ class ShaderReader(Arithmetic):
             self._told(node, "reflectance") if "reflectance" in self.wanted else BLACK,
             self._told(node, "emission") if "emission" in self.wanted else BLACK,
             self._transmission(node, colors[0]) if "transmittance" in self.wanted else BLACK,
+            self._told(node, "translucence") if "translucence" in self.wanted else BLACK,
         )
         if alpha == WHITE:
             return look
         passing = BLACK
         if "transmittance" in self.wanted:
             passing = self.add(self.multiply(look.through, alpha), self.complement(alpha))
-        return Look(self.multiply(look.albedo, alpha), self.multiply(look.emission, alpha), passing)
+        albedo, emission, _, translucence = (self.multiply(color, alpha) for color in look.colors)
+        return Look(albedo, emission, passing, translucence)
 
     def _computes(self, node: bpy.types.Node, name: str) -> bool:
         """Whether the tree computes an input."""
         return not isinstance(self.color(node.inputs[name]), tuple)
 
-    def _told(self, node: bpy.types.Node, quantity: Literal["reflectance", "emission"]) -> Color:
+    def _told(self, node: bpy.types.Node, quantity: Literal["reflectance", "emission", "translucence"]) -> Color:
         """What transport has of a closure, by inputs that vary.
 
         It is linear in most colours and shares, so its values at 0 and 1 tell it; in others it bends, and its value

@@ -250,10 +250,6 @@ class Reading:
         if is_flat(matrix):
             raise Skip("its scale is zero along an axis")
         shared = item.is_instance or original.data.users > 1
-        if lightmapped and instanced:
-            check_can_stand_in(item.parent.original, original, mesh)
-        elif lightmapped:
-            check_can_carry(original)
         shape = yield from self.shape(mesh, keep=shared)
         self.triangles += len(shape.triangles)
         check_memory(thing.name, self.triangles)
@@ -262,6 +258,12 @@ class Reading:
         material = self.materials.of_slots(slots, group, thing.name)
         if self.materials.only_volume(material, shape.slot):
             raise Skip("its materials show a volume and no surface")
+        sheet = self.materials.pass_light(material, shape.slot)
+        two_sided = sheet or (lightmapped and is_two_sided(original))
+        if lightmapped and instanced:
+            check_can_stand_in(item.parent.original, original, mesh, two_sided)
+        elif lightmapped:
+            check_can_carry(original, two_sided)
         asking, answers = self.materials.asking(material, shape.slot), None
         if asking:
             kept = self.answers.setdefault(mesh.as_pointer(), {}) if shared else {}
@@ -269,7 +271,6 @@ class Reading:
         uv = kept_uv(mesh, thing.name, settings) if lightmapped else None
         unrolls = lightmapped and uv is None and splines is not None and splines.faces is not None
         uv_map, page_group = (getattr(settings, name, "") for name in ("uv_map", "page_group"))
-        two_sided = lightmapped and is_two_sided(original)
         shares = lightmapped and shared and not two_sided  # a place says where one map lies, not where two do
         self.found.append(
             Found(

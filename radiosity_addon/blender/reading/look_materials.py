@@ -98,7 +98,8 @@ class LookMaterials:
 
 
 def _color(look: Look, quantity: Quantity) -> Color:
-    return {"reflectance": look.albedo, "emission": look.emission, "transmittance": look.through}[quantity]
+    shown = zip(("reflectance", "emission", "transmittance", "translucence"), look.colors, strict=True)
+    return dict(shown)[quantity]
 
 
 def _hold(tree: bpy.types.NodeTree, output: bpy.types.NodeSocket, value: float) -> None:

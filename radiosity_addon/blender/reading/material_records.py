@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...arrays import Int32
+from ...geometry.sheets import is_sheet
 from ...scene import Material
 from ..data.names import original_material
 from ..looks.materials import read_sides, tree_of
@@ -60,6 +61,12 @@ class MaterialRecords:
     def only_volume(self, of_slots: Int32, slot: Int32) -> bool:
         """Whether triangles of slots, as of `asking`, only bound a volume."""
         return bool(self.volumes) and self.volumes.issuperset(_used(of_slots, slot).tolist())
+
+    def pass_light(self, of_slots: Int32, slot: Int32) -> bool:
+        """Whether light passes scattered through any triangle of slots, as of `asking`, on either face."""
+        used = [self.records[index] for index in _used(of_slots, slot)] if len(slot) else []
+        behind = [self.records[each.back] for each in used if each.back is not None]
+        return bool(is_sheet((*used, *behind)).any())
 
     def _of(self, material: bpy.types.Material | None, group: int, user: str) -> int:
         shown = original_material(material.original if material is not None else None)

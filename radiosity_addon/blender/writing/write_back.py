@@ -204,7 +204,7 @@ def _find_places(extraction: Extraction, atlas: Atlas, replaced: Set[str]) -> Ge
         yield
         if source.instancer:
             continue
-        check_can_carry(thing)
+        check_can_carry(thing, back is not None)
         if source.own_mesh and thing.data.is_editable and thing.data.get(BAKE_KEY) in (None, *replaced):
             _check_corners(thing, thing.data, uv)
             may_own.setdefault(thing.data, []).append(places[-1])
