@@ -35,6 +35,7 @@ from .reading.extract import read_scene
 from .reading.extraction import Extraction
 from .reading.second_blender import SecondBlender
 from .writing.light_mix import MOST_GROUPS
+from .writing.page_images import free_stem
 from .writing.write_back import write_back
 
 READING_SHARE = 0.02
@@ -74,7 +75,7 @@ class Job:
         settings: the core's
         write_back: show the light in material copies, or add uv maps and images only
         folder: where the pages go, absolute; None packs them into the .blend
-        stem: what the pages' names begin with
+        stem: what the pages' names begin with, unless another scene of the file has pages of these names there
         objects: names of those to bake, while all others only shadow and bounce; empty bakes all
         page_format: how the pages are written
         looked_at: the report gets figures and maps of the light
@@ -107,6 +108,7 @@ def bake_scene(
     scene_name, shares = scene.name, stage_shares(scene)
     with ExitStack() as stack:
         folder = job.folder or Path(stack.enter_context(_folder_to_pack()))
+        job = replace(job, stem=free_stem(job.stem, scene, folder))
         files.make_folder(folder)
         files.lock(folder)
         reading = Progress("Read scene", 0.0)

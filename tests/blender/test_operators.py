@@ -9,6 +9,7 @@ import bpy
 import pytest
 
 from radiosity_addon import blender
+from radiosity_addon.blender.data.names import BAKE_KEY
 from radiosity_addon.blender.interface import operators
 from radiosity_addon.errors import SceneError
 from radiosity_addon.stages import STAGES
@@ -52,6 +53,21 @@ def test_a_bake_of_a_saved_file_puts_its_pages_beside_it(tmp_path: Path) -> None
     assert bpy.ops.radiosity.bake() == {"FINISHED"}
     assert pages()[0].filepath == "//room_textures/room_radiosity_1.exr"
     assert [path.name for path in (tmp_path / "room_textures").iterdir()] == ["room_radiosity_1.exr"]
+
+
+def test_each_scene_of_a_file_keeps_pages_of_its_own(tmp_path: Path, scene: bpy.types.Scene) -> None:
+    save(tmp_path)
+    night = bpy.data.scenes.new("Night / 2")
+    night.radiosity.page_size, night.radiosity.quality = 32, "draft"
+    bpy.context.window.scene = night
+    bpy.ops.mesh.primitive_cube_add()
+    for each in (scene, night, scene, night):
+        bpy.context.window.scene = each
+        assert bpy.ops.radiosity.bake() == {"FINISHED"}
+    names = {image[BAKE_KEY]: Path(image.filepath).name for image in pages()}
+    assert names[scene[BAKE_KEY]] == "room_radiosity_1.exr"
+    assert names[night[BAKE_KEY]].startswith("room_Night _ 2")
+    assert sorted(path.name for path in (tmp_path / "room_textures").iterdir()) == sorted(names.values())
 
 
 def test_a_chosen_folder_is_taken_as_blender_writes_paths(tmp_path: Path, scene: bpy.types.Scene) -> None:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...errors import OutputError, SettingsError
+from ...files import safe_stem
 from ...pages.page_format import PICTURES, Recipe
 from ..data.names import BAKE_KEY, GROUP_KEY, PAGE_KEY, RECIPE_KEY
 from ..data.working_space import SAME, working_space
@@ -28,6 +30,23 @@ PACKED = ("rgbm", "rgbd", "rgb9e5")
 """Formats whose alpha is a number like the others."""
 UNFILTERED = ("rgb9e5",)
 """Formats that mean nothing between texels."""
+
+
+def free_stem(stem: str, scene: bpy.types.Scene, folder: Path) -> str:
+    """What the names of a scene's pages begin with: `stem`, unless pages of another scene of this file are called so.
+
+    Args:
+        folder: where the pages go
+    """
+    others = [image for image in bpy.data.images if image.get(BAKE_KEY, scene.get(BAKE_KEY)) != scene.get(BAKE_KEY)]
+    paths = [Path(bpy.path.abspath(each.filepath, library=each.library)) for each in others if not each.packed_file]
+    taken = [path.name.casefold() for path in paths if path.parent.resolve() == folder.resolve()]
+    named = f"{stem}_{scene.name}"
+    return next(
+        wanted
+        for wanted in chain((stem, named), (f"{named}_{number}" for number in count(2)))
+        if not any(name.startswith(f"{safe_stem(wanted)}_radiosity_".casefold()) for name in taken)
+    )
 
 
 def load_page(
