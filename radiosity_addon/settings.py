@@ -45,7 +45,7 @@ class Quality:
         gather_rays: final-gather rays of a gather point
         gather_spacing: least distance of gather points, in texels, on open surfaces
         gather_points: gather points on open surfaces, at most; nooks get more
-        gather_split: gather points get closer while they are farther apart than this share of the harmonic mean
+        gather_split: gather points get closer while they are farther apart than this share of the scale over
             distance that they see, or that light comes from
         shadow_probes: first shadow rays of a texel and lamp
         shadow_rays: shadow rays of a texel and lamp in a penumbra
@@ -68,7 +68,7 @@ class Quality:
 
 QUALITY_STEPS: dict[str, Quality] = {
     "draft": Quality(48, 4000, 96, 8.0, 6000, 0.35, 1, 12, 1, 0.012),
-    "medium": Quality(64, 12000, 192, 5.0, 6000, 0.18, 1, 36, 4, 0.006),
+    "medium": Quality(64, 12000, 192, 5.0, 6000, 0.15, 1, 36, 4, 0.006),
     "high": Quality(128, 24000, 384, 4.0, 12000, 0.12, 2, 72, 4, 0.003),
 }
 

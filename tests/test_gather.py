@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -28,9 +29,9 @@ from tests.shapes import box, cell_atlas, folded_sheet, mesh_of, quad, sphere
 
 GREY = (Material("Grey"),)
 NEAR = 0.35
-"""Share of the harmonic mean distance beyond which cells are split."""
+"""Share of the scale of change beyond which cells are split."""
 FAR = 100.0
-"""m; harmonic mean distance of a point in the open."""
+"""m; scale of change at a point in the open."""
 
 # what rays count
 
@@ -142,28 +143,44 @@ def test_what_shines_counts_by_its_distance_where_it_is_nearer_than_most() -> No
     patches = group_patches(texels, walls, grey, grey, solid, 500, visibility)
     place = texels.position + texels.surfaces.origin
     beside = np.linalg.norm(place - [2.2, 2.0, 0.0], axis=1).argmin(keepdims=True)
-    harmonic = []
+    scale = []
     for shining in (place[:, 2] > 9, np.abs(place[:, 2] - 0.1) < 0.01):
         bright = np.zeros(texels.count + patches.count + SPECIAL_ROWS, np.float32)
         bright[: texels.count] = shining
         rays = GatherRays(texels, patches, visibility, BakeSettings(quality="high"), bright)
-        harmonic.append(finish(rays.look(beside, np.zeros(1, bool)))[0][0])
-    assert 0.1 < harmonic[1] < 0.35
-    assert harmonic[0] > 0.5
+        scale.append(finish(rays.look(beside, np.zeros(1, bool)))[0][0])
+    assert 0.1 < scale[1] < 0.35
+    assert scale[0] > 0.5
+
+
+@pytest.mark.parametrize(("near_to", "expected"), [(0.0, math.sqrt(2) * 0.1), (2.0, 2.0)])
+def test_under_a_wide_ceiling_the_scale_of_change_is_its_height_times_root_two(near_to: float, expected: float) -> None:
+    """The mean of 1 / d^2 over what is seen, by the cosine, is 1 / (2 h^2); of what is nearer than it may be, that."""
+    ceiling = mesh_of("Ceiling", [quad((-18, -18, 0.1), (0, 40, 0), (40, 0, 0))], [0])
+    texels = floor(ceiling)
+    visibility = Visibility(texels.surfaces.corners)
+    walls = finish(find_walls(texels, visibility, 1))
+    grey, solid = np.zeros((texels.count, 3), np.float32), np.ones(texels.surfaces.count, bool)
+    patches = group_patches(texels, walls, grey, grey, solid, 500, visibility)
+    even = np.ones(texels.count + patches.count + SPECIAL_ROWS, np.float32)
+    rays = GatherRays(texels, patches, visibility, BakeSettings(quality="high"), even, near_to=near_to)
+    middle = np.linalg.norm(texels.position + texels.surfaces.origin - [2, 2, 0], axis=1).argmin(keepdims=True)
+    scale, _, _ = finish(rays.look(middle, np.zeros(1, bool)))
+    assert scale[0] == pytest.approx(expected, rel=0.01)
 
 
 # where points stand
 
 
 class Blind:
-    """Eyes that see what they are told: the harmonic mean distance at positions (Q, 3), m; light everywhere."""
+    """Eyes that see what they are told: the scale of change at positions (Q, 3), m; light everywhere."""
 
-    def __init__(self, texels: Texels, harmonic: Callable[[Float32], Float32]) -> None:
-        self.texels, self.harmonic = texels, harmonic
+    def __init__(self, texels: Texels, scale: Callable[[Float32], Float32]) -> None:
+        self.texels, self.scale = texels, scale
 
     def look(self, chosen: Int64, fine: bool) -> Fractions[tuple[Float32, Float32, Float32]]:
         yield 1.0
-        seen = np.broadcast_to(self.harmonic(self.texels.position[chosen]), len(chosen)).astype(np.float32)
+        seen = np.broadcast_to(self.scale(self.texels.position[chosen]), len(chosen)).astype(np.float32)
         return seen, seen, np.ones(len(chosen), np.float32)
 
     def clearance(self, chosen: Int64) -> Fractions[Float32]:
@@ -182,10 +199,8 @@ def floor(*more: Mesh) -> Texels:
     return finish(rasterize(cell_atlas(scene, 64 * (1 + bool(more))), flatten(scene), 1))
 
 
-def placed(
-    texels: Texels, base: float, harmonic: Callable[[Float32], Float32] = far, near: float = NEAR
-) -> GatherPoints:
-    return finish(place_points(texels, texels.valid, base, near, 0.07, Blind(texels, harmonic)))
+def placed(texels: Texels, base: float, scale: Callable[[Float32], Float32] = far, near: float = NEAR) -> GatherPoints:
+    return finish(place_points(texels, texels.valid, base, near, 0.07, Blind(texels, scale)))
 
 
 def test_in_the_open_points_stand_a_cell_apart() -> None:
@@ -260,12 +275,12 @@ def fitted(
     values: Callable[[Float32], Float32],
     base: float = 0.25,
     workers: int = 1,
-    harmonic: Callable[[Float32], Float32] = lambda position: np.float32(0.6),
+    scale: Callable[[Float32], Float32] = lambda position: np.float32(0.6),
 ) -> tuple[Float32, GatherPoints, Neighbours]:
     """Irradiance (T, 1) from `values` at the positions (P, 3) of points."""
     visibility = Visibility(texels.surfaces.corners)
     walls = finish(find_walls(texels, visibility, workers))
-    near = Blind(texels, harmonic)
+    near = Blind(texels, scale)
     points = finish(place_points(texels, texels.valid, base, NEAR, 0.07, near))
     points = finish(part_at_walls(points, texels, walls, near, visibility, workers))
     neighbours = finish(find_neighbours(texels, points, visibility, workers))
@@ -304,10 +319,10 @@ def test_a_slope_is_followed_across_the_surface() -> None:
 def test_a_narrow_cell_does_not_keep_wide_ones_around_from_their_points() -> None:
     texels = floor()
 
-    def harmonic(position: Float32) -> Float32:
+    def scale(position: Float32) -> Float32:
         return np.where(np.linalg.norm(position - (0.5, 0.5, 0), axis=1) < 0.45, 0.1, FAR).astype(np.float32)
 
-    found, points, _ = fitted(texels, lambda position: 5 + position[:, 0], 1.0, harmonic=harmonic)
+    found, points, _ = fitted(texels, lambda position: 5 + position[:, 0], 1.0, scale=scale)
     assert points.width.min() < points.width.max() / 2
     error = (found[:, 0] - 5 - texels.position[:, 0])[np.abs(texels.position).max(1) < 1.4]
     assert np.sqrt((error**2).mean()) < 0.035
@@ -323,7 +338,7 @@ def test_no_point_counts_across_a_sharp_edge_that_is_shaded_smooth() -> None:
 
 def test_each_texel_of_a_fold_sees_the_point_of_its_cell() -> None:
     texels = sheet(np.arange(11) / 10, 0.06 * (np.arange(11) % 2))
-    _, points, _ = fitted(texels, lambda position: position[:, 0], 0.25, harmonic=lambda position: np.float32(0.05))
+    _, points, _ = fitted(texels, lambda position: position[:, 0], 0.25, scale=lambda position: np.float32(0.05))
     visibility = Visibility(texels.surfaces.corners)
     every = np.flatnonzero(points.cell >= 0)
     seat = points.texel[points.cell[every]]
@@ -356,7 +371,7 @@ def test_each_texel_takes_only_points_that_it_sees_past_the_end_of_a_wall() -> N
     x, y = 1.9, 2.0  # the screen leads along this x, up to this y
     screen = mesh_of("Screen", [quad((x, 0, 0), (0, y, 0), (0, 0, 2))], [0])
     texels = floor(screen)
-    found, points, _ = fitted(texels, lambda p: p[:, 0] < x - texels.surfaces.origin[0], base=0.5, harmonic=far)
+    found, points, _ = fitted(texels, lambda p: p[:, 0] < x - texels.surfaces.origin[0], base=0.5, scale=far)
     place = (texels.position + texels.surfaces.origin)[:, :2]
     bright = place[points.texel][place[points.texel, 0] < x]
     shaded = np.flatnonzero((texels.normal[:, 2] > 0.5) & (place[:, 0] > x + 0.01) & (place[:, 1] < y - 0.03))

@@ -21,7 +21,7 @@ from ..radiosity.illumination import Illumination
 from ..radiosity.patches import Patches
 from ..settings import BakeSettings
 from .far_light import FAR, smooth_far_light
-from .gather_points import coarsest_width, part_at_walls, place_points
+from .gather_points import RESOLVED, coarsest_width, part_at_walls, place_points
 from .gather_rays import GatherRays
 from .gleams import Gleams
 from .irradiance_fit import fit_irradiance
@@ -53,7 +53,8 @@ def final_gather(
     base = coarsest_width(max(float(np.sqrt(extent / aimed)), 1e-9), texel_width)
     gleams = None if light.beams is None else Gleams(light.beams, texels, light.direct.shape[1])
     bright = yield from scaled(light.brightness(patches, workers, settings.light_groups), 0.0, 0.0)
-    rays = GatherRays(texels, patches, visibility, settings, bright, gleams, FAR * base)
+    near_to = RESOLVED * texel_width
+    rays = GatherRays(texels, patches, visibility, settings, bright, gleams, FAR * base, near_to)
     del bright
     placing = place_points(texels, lit, base, steps.gather_split, texel_width, rays, workers)
     points = yield from scaled(placing, 0.0, 0.3)

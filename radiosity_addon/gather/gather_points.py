@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the final gather looks: one texel in each cell of a grid that is finer where surfaces are near.
 
-Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988), so
-a cell is split while it is wide against the harmonic mean distance seen from its point, of all that is seen or of
-what shines there, or its normals differ.
+Indirect light changes over distances like that to the surfaces it comes from (Ward, Rubinstein and Clear 1988). The
+fit from points to texels is of first order, so it errs by second derivatives (Schwarzhaupt, Jensen and Jarosz 2012):
+each part of the view counts by the inverse square of its distance. So the scale of change is the root of the harmonic
+mean of squared distances, and a cell is split while it is wide against that scale, of all that is seen or of what
+shines there, or its normals differ. A box on the floor fills little of the view from beside it, but most of that mean.
 Cells are world-space ones: charts of one surface share them.
 """
 
@@ -37,7 +39,10 @@ FINEST = 2.6
 surface that is and are still wide against what they see."""
 
 NOOK = 1.0
-"""Or so is one that is wider than this share of that distance: between books, under a cushion."""
+"""Or so is one that is wider than this share of that scale: between books, under a cushion."""
+
+RESOLVED = 2.0
+"""What is nearer than so many texels counts as being so far: pages can't show how light changes there."""
 
 FOLDED = 0.005
 """The narrowest cells are bent if their normals' mean is shorter than 1 by more than this: about 12 degrees across."""
@@ -97,7 +102,7 @@ class Eyes(Protocol):
     """What looks around from texels (Q,)."""
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
-        """Harmonic mean and least distance, m, of what is seen or shines there, and light received; all (Q,).
+        """Scale over which light changes and least distance of what is seen, m, and light received; all (Q,).
 
         Points that are `fine` (Q,), the last ones, need not look as hard as the others.
         """
@@ -155,12 +160,12 @@ def place_points(
     """Choose gather points among the texels `lit` (T,), starting from cells `base` metres wide.
 
     Args:
-        near: a cell is split while it is wider than this share of the harmonic mean distance from its point
+        near: a cell is split while it is wider than this share of the scale at its point
     """
     cell = np.full(texels.count, -1, np.int32)
     at_texel = np.full(texels.count, -1, np.int32)
     places: list[Int64] = []
-    widths = harmonic = nearest = light = np.zeros(0, np.float32)
+    widths = scale = nearest = light = np.zeros(0, np.float32)
     open_texels = numbers_of(lit)
     folded = np.zeros(texels.count, bool)
     for level in range(LEVELS):
@@ -181,7 +186,7 @@ def place_points(
         point[new] = len(widths) + np.arange(len(new), dtype=np.int32)
         at_texel[fresh] = point[new]
         seen = yield from scaled(eyes.look(fresh, fine), level / LEVELS, (level + 1) / LEVELS)
-        harmonic, nearest, light = (np.concatenate(pair) for pair in zip((harmonic, nearest, light), seen, strict=True))
+        scale, nearest, light = (np.concatenate(pair) for pair in zip((scale, nearest, light), seen, strict=True))
         widths = np.concatenate([widths, np.zeros(len(new), np.float32)])
         places.append(fresh)
         widths[point] = width
@@ -189,9 +194,9 @@ def place_points(
         if last:
             break
         folded[members[np.repeat(cells.bent, size)]] = True
-        split = (cells.bent | (width > near * harmonic[point])) & (size > (1 if finest else SMALLEST))
+        split = (cells.bent | (width > near * scale[point])) & (size > (1 if finest else SMALLEST))
         if finest:
-            split &= folded[members[begin]] | (width > NOOK * harmonic[point])
+            split &= folded[members[begin]] | (width > NOOK * scale[point])
         dark = split & (light[point] <= DARK * light.mean())
         if dark.any():
             asked = np.flatnonzero(np.repeat(dark, size))

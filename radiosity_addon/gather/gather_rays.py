@@ -180,8 +180,9 @@ class GatherRays:
         bright: Float32,
         gleams: Gleams | None = None,
         far_from: float = np.inf,
+        near_to: float = 0.0,
     ) -> None:
-        """Rays that get farther than `far_from`, m, count as having met what is far away."""
+        """What rays meet counts as far away beyond `far_from`, m, and never as nearer than `near_to`."""
         self._texels, self._patches, self._visibility = texels, patches, visibility
         self._workers = settings.workers
         pilots = round(settings.steps.gather_rays * PILOT_SHARE)
@@ -197,20 +198,20 @@ class GatherRays:
         self._tinted = visibility.channels > 1 or self._bends
         self._gleams = gleams
         self._seen: list[_Seen] = []
-        self._far_from = np.float32(far_from)
+        self._far_from, self._nearest = np.float32(far_from), np.float32(max(near_to, 1e-9))
         self._far: list[Bools] = []
 
     def look(self, chosen: Int64, fine: Bools) -> Fractions[tuple[Float32, Float32, Float32]]:
-        """Trace the pilot rays of texels (Q,); returns harmonic mean and least distance, m, and light; all (Q,).
+        """Trace the pilot rays of texels (Q,); returns scale of change and least distance, m, and light; all (Q,).
 
-        The harmonic mean is that of all rays or, where that is less, the one that counts rays by the light they bring.
+        The scale is that of all rays or, where that is less, the one that counts rays by the light they bring.
         The points that are `fine`, the last ones, send fewer rays; what is not sent counts nothing.
         """
         elements = np.full((len(chosen), self._counts.pilots), BELOW, np.int32)
         bins = np.zeros(elements.shape, np.uint16)
         tints = np.ones((*elements.shape, 3) if self._tinted else 0, np.float16)
         far = np.zeros(elements.shape, bool)
-        harmonic, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
+        scale, nearest, light = (np.empty(len(chosen), np.float32) for _ in range(3))
         before = sum(map(len, self._elements))
 
         stands = yield from scaled(Stands.of(self._texels, chosen, self._workers), 0, 0)
@@ -231,11 +232,14 @@ class GatherRays:
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
                 nearest[part] = 1 / inverse.max(1)
+                np.minimum(inverse, 1 / self._nearest, out=inverse)
+                inverse *= inverse
                 bright = self._bright.take(element).reshape(-1, pilots)
                 light[part] = bright.mean(1)
                 np.maximum(bright, 0, out=bright)
                 bright /= np.maximum(bright.sum(1), np.float32(1e-30))[:, None]
-                harmonic[part] = 1 / np.maximum(inverse.mean(1), np.einsum("pr,pr->p", bright, inverse))
+                change = np.maximum(inverse.mean(1), np.einsum("pr,pr->p", bright, inverse))
+                scale[part] = 1 / np.sqrt(np.maximum(change, np.float32(1e-30)))
                 return self._gleaming(element, directions, before + first + start + rows, column)
 
             return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
@@ -251,7 +255,7 @@ class GatherRays:
         self._fine.append(fine)
         self._tints.append(tints)
         self._far.append(far)
-        return harmonic, nearest, light
+        return scale, nearest, light
 
     def _gleaming(self, element: Int32, directions: Float32, point: Int64, column: Int64) -> _Seen | None:
         """What rays (R,) of points (R,) see of suns in gloss."""
