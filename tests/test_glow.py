@@ -17,8 +17,10 @@ from radiosity_addon.geometry.visibility import Visibility
 from radiosity_addon.lighting.companies import companies_of
 from radiosity_addon.lighting.glow import glow_of
 from radiosity_addon.lighting.lights import Lamps, irradiance_at, lamps_of
+from radiosity_addon.lighting.mesh_lamp import MeshLamp
 from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
+from tests.lamps import ball
 from tests.painting import Painter
 from tests.shapes import box, mesh_of, quad
 
@@ -38,6 +40,15 @@ def screen(cuts: int = 1, material: int = 0):
 
 def half_and_half(place: Float64) -> Float64:
     return np.where(place[..., :1] < 0, RED, GREEN)
+
+
+def even(color):
+    return lambda place: np.broadcast_to(color, place.shape)
+
+
+def nearly(color):
+    """A picture of one colour but for 1 % of its brightness: no constant does for it."""
+    return lambda place: np.where(place[..., :1] < 0, 0.995, 1.005) * np.array(color)
 
 
 def lamps(scene: Scene, shown=half_and_half) -> tuple[Lamps, Visibility, Float64]:
@@ -103,8 +114,47 @@ def test_a_picture_of_one_colour_lights_as_that_constant():
     points, normals = receivers()
     constant = before_a_wall(screen(), Material("Lamp", (0,) * 3, RED))
     expected = light_at(constant, points, normals)
-    found = light_at(before_a_wall(screen(), VARIED), points, normals, lambda place: np.broadcast_to(RED, place.shape))
-    assert np.abs(found - expected).max() < 2e-3 * expected.max()
+    pictures = before_a_wall(screen(), VARIED)
+    found = light_at(pictures, points, normals, nearly(RED))
+    assert np.abs(found - expected).max() < 0.01 * expected.max()
+    found = light_at(pictures, points, normals, even(RED))
+    assert found == pytest.approx(expected, rel=1e-5)
+    assert not any(isinstance(lamp, MeshLamp) for lamp in lamps(pictures, even(RED))[0].lamps)
+
+
+def test_an_emitter_of_one_colour_lights_its_own_faces_whether_a_picture_shows_it_or_a_constant():
+    quads = [quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), quad((0, 0, 0), (0, 1, 0), (0, 0, 1))]
+    corner = mesh_of("Corner", quads, [0, 0])
+    pages = []
+    for material in (VARIED, Material("Lamp", (0,) * 3, RED)):
+        scene = before_a_wall(corner, material)
+        painter = Painter(scene, {"emission": even(RED)})
+        pages.append(finish(bake(scene, BakeSettings(page_size=64, quality="draft"), painter)).pages[0])
+    assert pages[0] == pytest.approx(pages[1], rel=1e-5)
+
+
+def test_from_afar_a_ball_of_many_colours_shows_each_side_its_own():
+    """Beside the sum over its triangles, each a point: from one point for all, sides differed by nothing."""
+    mesh = ball(1.0, 12)
+    corners = mesh.vertices[mesh.triangles]
+    middle = corners.mean(1)
+    brightness = 0.51 + 0.5 * middle
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    scene = before_a_wall(mesh, VARIED)
+    away = np.random.default_rng(5).normal(size=(100, 3))
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    found, _, origin = lamps(scene, lambda place: 0.51 + 0.5 * place)
+    expected = np.zeros((100, 3))
+    for k, point in enumerate(60 * away):
+        way = middle - point
+        facing = np.maximum(-np.einsum("ij,ij->i", way, area), 0) * np.maximum(-way @ away[k], 0)
+        expected[k] = facing / np.einsum("ij,ij->i", way, way) ** 2 @ brightness
+    light = np.zeros((100, 3))
+    for lamp in found.lamps:
+        light += (
+            lamp.light((60 * away - origin).astype(np.float32), -away.astype(np.float32), None)[:, None] * lamp.strength
+        )
+    assert np.sqrt(np.mean((light - expected) ** 2)) < 0.015 * expected.mean()
 
 
 def test_colours_that_differ_only_in_brightness_are_one_lamp_and_others_one_a_channel():
@@ -117,7 +167,7 @@ def test_colours_that_differ_only_in_brightness_are_one_lamp_and_others_one_a_ch
 def test_the_colours_of_a_picture_share_their_shadow_rays():
     points, normals = receivers()
     traced = []
-    for shown in (half_and_half, lambda place: np.broadcast_to(RED, place.shape)):
+    for shown in (half_and_half, even(RED)):
         found, visibility, origin = lamps(before_a_wall(screen(), VARIED), shown)
         at = (points - origin).astype(np.float32)
         finish(irradiance_at(found, at, normals, visibility, 16, np.arange(len(points)), 1))
@@ -169,9 +219,7 @@ def test_a_body_that_shines_lights_from_its_outside_alone():
     points[:, 1] += 1
     expected = light_at(before_a_wall(body, Material("Lamp", (0,) * 3, GREEN)), points, normals)
     for mesh in (body, inside_out):
-        found = light_at(
-            before_a_wall(mesh, VARIED), points, normals, lambda place: np.broadcast_to(GREEN, place.shape)
-        )
+        found = light_at(before_a_wall(mesh, VARIED), points, normals, nearly(GREEN))
         assert np.abs(found - expected).max() < 0.02 * expected.max()
 
 
@@ -184,7 +232,7 @@ def baked(shown, lamp: Material) -> tuple[Baked, Painter]:
 
 def test_a_bake_counts_a_picture_once():
     """A screen of one colour, as a picture and as a constant: the same light, to the noise of their shadows."""
-    shown, painter = baked(lambda place: np.broadcast_to(RED, place.shape), VARIED)
+    shown, painter = baked(nearly(RED), VARIED)
     plain, _ = baked(half_and_half, Material("Lamp", (0,) * 3, RED))
     assert painter.asked == ["emission"]
     total, expected = (float(page.pages[0].mean(dtype=np.float64)) for page in (shown, plain))

@@ -100,7 +100,7 @@ def test_each_flat_texel_lies_in_one_rectangle_and_within_its_edges_however_ofte
     while len(cells.start):
         parted = (cells.length >= 2 * LEAST) & cells.wide
         done.append(cells.only(~parted))
-        cells = flat.halves(cells.only(parted))
+        cells = finish(flat.halves(cells.only(parted), 2))
     smallest = Rectangles.joined(done)
     assert len(smallest.start) > 100
     index, number = flat.texels(smallest)
@@ -111,6 +111,19 @@ def test_each_flat_texel_lies_in_one_rectangle_and_within_its_edges_however_ofte
     low, high = corners.min(1)[number], corners.max(1)[number]
     inside = (texels.position[flat.order[index]] > low - 1e-4) & (texels.position[flat.order[index]] < high + 1e-4)
     assert inside.all()
+
+
+def test_rectangles_are_halved_once() -> None:
+    texels, _ = ground(1.5)
+    flat = FlatCells.of(texels, LEAST)
+    first = finish(flat.halves(flat.whole, 1))
+    order, count = flat.order.copy(), len(flat.known.start)
+    again = finish(flat.halves(flat.whole, 1))
+    assert all(
+        np.array_equal(one, other) for one, other in zip(vars(first).values(), vars(again).values(), strict=True)
+    )
+    assert np.array_equal(flat.order, order)
+    assert len(flat.known.start) == count == 3 * len(flat.whole.start)
 
 
 def test_light_that_may_err_more_is_found_from_fewer_points_and_errs_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,5 +148,7 @@ def test_light_that_may_err_more_is_found_from_fewer_points_and_errs_no_more(mon
 def test_rectangles_of_texels_in_one_point_are_not_halved() -> None:
     """Their halves would have no texels, again and again."""
     one = np.zeros((2, 2), np.float32)
-    cells = Rectangles(np.array([0, 5]), np.array([5, 9]), one + 1, one + np.float32([[0], [1e-3]]), np.array([0, 0]))
+    cells = Rectangles(
+        np.array([0, 5]), np.array([5, 9]), one + 1, one + np.float32([[0], [1e-3]]), *np.zeros((2, 2), int)
+    )
     assert cells.wide.tolist() == [False, True]

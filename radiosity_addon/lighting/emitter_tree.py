@@ -36,7 +36,8 @@ FLAT = 1e-4
 """A branch is flat if its mean normal is shorter than 1 by less than this."""
 
 MISSED = 0.006
-"""Branches whose projected area, as a share of all of it, is missed by more in some direction are no points."""
+"""Branches whose projected area, as a share of all of it, is missed by more in some direction are no points. Where an
+emitter is not equally bright all over they may miss more, the more there are of them: see `_share_root`."""
 
 BENT = 0.001
 """From how far on do points stand for a branch that bulges, or shows more of itself here than there? The first-order
@@ -134,6 +135,7 @@ class EmitterTree:
         leaves = 1 << depth
         nodes = 2 * leaves
         origin = triangles.mean((0, 1))
+        varies = brightness is not None
         if brightness is None:
             brightness = np.ones((len(triangles), 1))
         corners, light = np.zeros((leaves, 3, 3)), np.zeros((leaves, brightness.shape[1]))
@@ -176,7 +178,9 @@ class EmitterTree:
         weights[:, :, leaves:] = powers.T[:, None] * TRIANGLE_WEIGHTS[:, None]
         vector, square = vector / weight[:, None], square / weight[:, None, None]
         square *= _even(square, shown / weight)[:, None, None]
-        misses, bend = _misses(normal, middle, power, vector, square, centre, weight)
+        misses, bend = _misses(normal, middle, powers, vector, square, centre, each)
+        if varies:
+            misses *= _share_root(each)
         share = np.linalg.norm(vector, axis=1)
         flat = share > 1 - FLAT
         axis = np.where(flat[:, None], vector / np.where(flat, share, 1)[:, None], 0)
@@ -186,7 +190,7 @@ class EmitterTree:
         radius = np.linalg.norm(np.where(filled[:, None], np.maximum(high - centre, centre - low), 0), axis=1)
         reach = np.maximum(REACH * np.maximum(radius, 1e-30), np.sqrt(other.max(1) / SPREAD))
         np.maximum(reach, np.where(flat, 0, bend / BENT), out=reach)
-        reach[~flat & (misses > MISSED)] = np.inf
+        reach[~flat & (misses.max(1) > MISSED)] = np.inf
         reach[leaves:] = REACH * radius[leaves:]
         i, j = [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]
         return cls(
@@ -298,33 +302,47 @@ def _even(square: Float64, shown: Float64) -> Float64:
 
 
 def _misses(
-    normal: Float64, middle: Float64, power: Float64, vector: Float64, square: Float64, centre: Float64, weight: Float64
+    normal: Float64, middle: Float64, powers: Float64, vector: Float64, square: Float64, centre: Float64, each: Float64
 ) -> tuple[Float64, Float64]:
-    """What points at nodes' centres miss of the light of their triangles, at most, over all directions.
+    """What points at nodes' centres miss of the light of their triangles, at most, over all directions and channels.
 
     From direction w and a distance d the light of faces with normals n at places x off the centre is, to first order,
     sum A (n . w) + sum A (3 (n . w) (x . w) - n . x) / d.
 
     Args:
-        normal, middle, power: of the leaves, (leaves, 3), (leaves, 3), (leaves,)
-        vector, square, centre, weight: of the nodes, (N, 3), (N, 3, 3), (N, 3), (N,)
+        normal, middle, powers: of the leaves, (leaves, 3), (leaves, 3), (leaves, C)
+        vector, square, centre, each: of the nodes, (N, 3), (N, 3, 3), (N, 3), (N, C)
 
     Returns:
-        of the projected area and of the first-order term, as shares of the area, (N,) and (N,) m
+        of the projected area in each channel, (N, C), and of the first-order term, as shares of the area, (N,) m
     """
-    misses, bend = np.zeros(len(weight)), np.zeros(len(weight))
+    channels, power = powers.shape[1], powers.sum(1)
+    shares = np.where(each > 0, each, 1)
+    weight = np.where(each.sum(1) > 0, each.sum(1), 1)[:, None]
+    misses, bend = np.zeros(each.shape), np.zeros(len(each))
     for way in np.concatenate([_directions(), -_directions()], axis=1).T:
         cosine = normal @ way
+        lit = np.where((cosine > 0)[:, None], powers, 0) * cosine[:, None]
         front = np.where(cosine > 0, power, 0)
         first = 3 * cosine * (middle @ way) - np.einsum("ij,ij->i", normal, middle)
-        own = np.column_stack([front * cosine, front * first, front[:, None] * normal])
-        sums = _combined(np.add, own, len(weight)) / weight[:, None]
-        seen, facing = sums[:, 0], sums[:, 2:]
+        sums = _combined(np.add, np.column_stack([lit, front * first, front[:, None] * normal]), len(each))
+        seen, turned, facing = sums[:, :channels], sums[:, channels:][:, :1] / weight, sums[:, channels + 1 :] / weight
         shown = np.sqrt(np.maximum(np.einsum("nij,i,j->n", square, way, way), 0))
-        np.maximum(misses, np.abs((vector @ way + shown) / 2 - seen), out=misses)
-        about = 3 * seen * (centre @ way) - np.einsum("ij,ij->i", facing, centre)
-        np.maximum(bend, np.abs(sums[:, 1] - about), out=bend)
+        np.maximum(misses, np.abs((vector @ way + shown)[:, None] / 2 - seen / shares), out=misses)
+        about = 3 * (seen.sum(1) / weight[:, 0]) * (centre @ way) - np.einsum("ij,ij->i", facing, centre)
+        np.maximum(bend, np.abs(turned[:, 0] - about), out=bend)
     return misses, bend
+
+
+def _share_root(each: Float64) -> Float64:
+    """How much of what nodes miss of their light, (N, C) in each channel, counts where brightness varies.
+
+    They stand for the emitter together, and what they miss has all signs: the variances add up to that of one node
+    for all if each may miss as much as the root of its share is smaller. A channel that is faint has no less than that.
+    """
+    whole = np.maximum(each[1], FAINT * each[1].mean())
+    root: Float64 = np.sqrt(each / whole)
+    return root
 
 
 def _four_points(spread: Float64, light: Float64, off: Float64) -> tuple[Float64, Float64]:

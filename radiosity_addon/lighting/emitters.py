@@ -12,7 +12,7 @@ from ..geometry.surfaces import Surfaces
 from ..scene import RGB, Material, Scene
 from .area_lamps import PanelLamp
 from .emitter_tree import EmitterTree, halved
-from .glow import Glow
+from .glow import ALIKE, Glow
 from .mesh_lamp import MeshLamp
 from .own_faces import OwnFaces
 from .polygons import Polygon, convex_polygon, parallelogram
@@ -25,9 +25,6 @@ LARGEST = 0.25
 
 CLEAR = 0.5
 """An emitter that lets more than this share of the light pass is a lamp whatever its size: few rays stop at it."""
-
-ALIKE = 1e-3
-"""Colours that differ by this share of the brightest only in brightness are one."""
 
 BOTH, FRONT, BACK = 0, 1, -1
 """Sides that surfaces shine on."""
@@ -65,7 +62,12 @@ def emissive_lamps(
         number = surfaces.material[triangles[0]]
         material, behind = scene.materials[number], scene.materials[scene.behind[number]]
         missed = np.mean(material.transmittance) > CLEAR
-        sides = _sides(material, behind, glow if "emission" in material.varies else None)
+        picture = glow if "emission" in material.varies else None
+        constant = None if picture is None or behind is not material else picture.constant(triangles)
+        if constant is not None:  # as where each instance has a colour of its own
+            material = behind = replace(material, emission=constant, varies=material.varies - {"emission"})
+            picture = None
+        sides = _sides(material, behind, picture)
         shining = max(
             surfaces.area[triangles].sum() if picture is None else picture.extent(triangles, surfaces.area)
             for _, _, picture in sides

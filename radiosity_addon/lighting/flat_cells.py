@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Float32, Int64
+from ..chunks import Fractions, in_chunks
 from ..columns import vectors_at
 from ..geometry.coverage import ragged
 from ..geometry.surfaces import PLANES_APART
@@ -21,6 +22,9 @@ ALIKE = np.float32(1 - 1e-6)
 CHUNK = 1 << 14
 """Texels treated in one go."""
 
+HALVED = 16
+"""Rectangles halved in one go."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rectangles:
@@ -30,6 +34,7 @@ class Rectangles:
         start, stop: (N,) int64, where the texels of each begin and end
         middle, half: (N, 2) float32, m, centre and half the edges, on the plane
         plane: (N,) int64
+        number: (N,) int64, which of those of `FlatCells.known` they are
     """
 
     start: Int64
@@ -37,6 +42,7 @@ class Rectangles:
     middle: Float32
     half: Float32
     plane: Int64
+    number: Int64
 
     @property
     def length(self) -> Int64:
@@ -59,14 +65,17 @@ class Rectangles:
         return cls(*(np.concatenate(each) for each in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class FlatCells:
     """The K texels that lie flat on M planes, and rectangles about them, from those about whole planes on.
+
+    Rectangles are halved when that is asked for the first time.
 
     Attributes:
         order: (K,) int64, the texels; those of a rectangle are neighbours
         place: (2, K) float32, m, where they lie on their plane
-        whole: the rectangles of all planes
+        known: R rectangles, first those of whole planes
+        first_half: (R,) int64, numbers of their first halves, each before the second; -1 for those not halved yet
         normal, along, across: (M, 3) float32, unit, of the planes
         height: (M,) float32, m, of the planes over the origin
         others: texels that lie in none
@@ -74,7 +83,8 @@ class FlatCells:
 
     order: Int64
     place: Float32
-    whole: Rectangles
+    known: Rectangles
+    first_half: Int64
     normal: Float32
     along: Float32
     across: Float32
@@ -100,8 +110,13 @@ class FlatCells:
             position = vectors_at(texels.position, order[part]).T
             for own, axis in zip(place, (along, across), strict=True):
                 own[part] = dot(position, rows_of(axis[plane[part]]))
-        whole = _about(place, first, np.append(first[1:], len(order))[: len(first)], plane[first])
-        return cls(order, place, whole, normal, along, across, height, others)
+        whole = _about(place, first, np.append(first[1:], len(order))[: len(first)], plane[first], 0)
+        return cls(order, place, whole, np.full(len(first), -1), normal, along, across, height, others)
+
+    @property
+    def whole(self) -> Rectangles:
+        """The rectangles of all planes."""
+        return self.known.only(slice(len(self.normal)))
 
     def texels(self, cells: Rectangles) -> tuple[Int64, Int64]:
         """Where the texels of C rectangles are in `order`, (P,), and of which of them they are, (P,)."""
@@ -120,10 +135,21 @@ class FlatCells:
         half = cells.half
         return self.at(cells, np.zeros((1, 2), np.float32))[:, 0], np.sqrt(np.einsum("ij,ij->i", half, half))
 
-    def halves(self, cells: Rectangles) -> Rectangles:
-        """The two halves (2 C) across the longer edge of each of C rectangles, whose texels are sorted for it."""
-        if not len(cells.start):
-            return cells
+    def halves(self, cells: Rectangles, workers: int) -> Fractions[Rectangles]:
+        """The two halves (2 C) across the longer edge of each of C rectangles."""
+        whole = cells.only(self.first_half[cells.number] < 0)
+
+        def halve(first: int, last: int) -> Rectangles:
+            return self._halved(whole.only(slice(first, last)), len(self.known.start) + 2 * first)
+
+        parts = yield from in_chunks(halve, len(whole.start), HALVED, workers)
+        self.first_half[whole.number] = len(self.known.start) + 2 * np.arange(len(whole.start))
+        self.first_half = np.append(self.first_half, np.full(2 * len(whole.start), -1))
+        self.known = Rectangles.joined([self.known, *parts])
+        return self.known.only((self.first_half[cells.number][:, None] + np.arange(2)).ravel())
+
+    def _halved(self, cells: Rectangles, number: int) -> Rectangles:
+        """The halves of rectangles, by `number` and on, whose texels are sorted for it."""
         index, cell = self.texels(cells)
         begin = np.cumsum(cells.length) - cells.length
         place = self.place[:, index]
@@ -137,18 +163,19 @@ class FlatCells:
         self.order[target] = self.order[index]
         self.place[:, target] = place
         start, stop = np.stack([cells.start, cut], axis=1).ravel(), np.stack([cut, cells.stop], axis=1).ravel()
-        return _about(self.place, start, stop, np.repeat(cells.plane, 2))
+        return _about(self.place, start, stop, np.repeat(cells.plane, 2), number)
 
 
-def _about(place: Float32, start: Int64, stop: Int64, plane: Int64) -> Rectangles:
-    """Rectangles about places (2, K) from `start` to `stop`, (N,)."""
+def _about(place: Float32, start: Int64, stop: Int64, plane: Int64, number: int) -> Rectangles:
+    """Rectangles about places (2, K) from `start` to `stop`, (N,), by `number` and on."""
+    numbers = number + np.arange(len(start))
     own = place[:, ragged(start, stop - start)]
     if not len(start):
-        return Rectangles(start, stop, own.T, own.T, plane)
+        return Rectangles(start, stop, own.T, own.T, plane, numbers)
     begin = np.cumsum(stop - start) - (stop - start)
     low: Float32 = np.minimum.reduceat(own, begin, axis=1).T
     high: Float32 = np.maximum.reduceat(own, begin, axis=1).T
-    return Rectangles(start, stop, (low + high) * np.float32(0.5), (high - low) * np.float32(0.5), plane)
+    return Rectangles(start, stop, (low + high) * np.float32(0.5), (high - low) * np.float32(0.5), plane, numbers)
 
 
 def _planes(texels: Texels) -> Int64:

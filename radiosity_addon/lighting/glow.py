@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Bools, Float32, Float64, Int32, Int64
 from ..geometry.appearance import within_physics
 from ..geometry.surfaces import Surfaces
-from ..scene import Scene
+from ..scene import RGB, Scene
 from ..shading import Layout, Shader
 
 PAGE = 1024
@@ -28,6 +28,9 @@ PIECES = 4096
 
 TEXELS_ALONG = 4
 """Texels along a piece, at least."""
+
+ALIKE = 1e-3
+"""What differs by no more than this share of the brightest is the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +68,14 @@ class Glow:
         level = self.radiance[np.searchsorted(self.triangle, triangles)].mean(2, dtype=np.float64)
         light, square = float(area[triangles] @ level.mean(1)), float(area[triangles] @ (level**2).mean(1))
         return light**2 / max(square, 1e-300)
+
+    def constant(self, triangles: Int64) -> RGB | None:
+        """What triangles (N,) of those that glow emit if it is the same all over, W/(m2 sr)."""
+        shown = self.radiance[np.searchsorted(self.triangle, triangles)].reshape(-1, 3)
+        if np.ptp(shown, axis=0).max() > ALIKE * shown.max():
+            return None
+        red, green, blue = shown.mean(0, dtype=np.float64)
+        return float(red), float(green), float(blue)
 
     def at(self, triangle: Int32, u: Float32, v: Float32) -> Float32:
         """Radiance (R, 3), W/(m2 sr), at barycentrics u, v of triangles (R,) that glow."""

@@ -28,6 +28,7 @@ from ..settings import BakeSettings
 from .area_lamps import PanelLamp, area_lamp
 from .companies import brightest, companies_of
 from .emitters import emissive_lamps
+from .flat_cells import FlatCells
 from .glow import Glow
 from .lamp_samples import lattice, lattice_generators, rows_of, shifted
 from .lamps import Lamp, sun_lamp
@@ -38,7 +39,7 @@ from .penumbra import trace_shares
 from .round_lamps import round_lamps
 from .shades import Probes, undecided
 from .shadows import TRACE_CHUNK, Receivers, Tally, sample_groups, shoot
-from .sparse_light import light_of_meshes
+from .sparse_light import LEAST, light_of_meshes
 from .terminator import Footing, bend_light
 
 BATCH = 8
@@ -213,8 +214,9 @@ def direct_irradiance(
     size = max(1, min(BATCH, BATCH_BYTES // Probes.bytes_each(visibility) // max(texels.count, 1)))
     numbers = range(len(lamps.lamps))
     batches = [lamps.of(numbers[start : start + size]) for start in numbers[::size]]
+    flat = FlatCells.of(texels, LEAST) if any(isinstance(lamp, MeshLamp) for lamp in lamps.lamps) else None
     for done, batch in enumerate(batches):
-        steps = _add_batch(batch, texels, visibility, settings, total)
+        steps = _add_batch(batch, texels, visibility, settings, flat, total)
         yield from scaled(steps, done / len(batches), (done + 1) / len(batches))
     return total
 
@@ -268,26 +270,32 @@ def _add(total: Float32, lamp: Lamp, arrived: Float32) -> None:
 
 
 def _add_batch(
-    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, total: Float32
+    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, flat: FlatCells | None, total: Float32
 ) -> Generator[float, None, None]:
     """Add the light of a batch to `total` (T, G, 3); yields the share done."""
-    probes, shares = yield from _shares(batch, texels, visibility, settings)
+    probes, shares = yield from _shares(batch, texels, visibility, settings, flat=flat)
     for lamp, light, share in zip(batch.lamps, probes.light, shares, strict=True):
         _add(total, lamp, light * share)
 
 
 def _shares(
-    batch: Lamps, texels: Texels, visibility: Visibility, settings: BakeSettings, weak: Bools | None = None
+    batch: Lamps,
+    texels: Texels,
+    visibility: Visibility,
+    settings: BakeSettings,
+    weak: Bools | None = None,
+    flat: FlatCells | None = None,
 ) -> Fractions[tuple[Probes, list[Float32]]]:
     """Unshadowed light of a batch's lamps, among their probes, and the share (C, T) of each one's that arrives.
 
     Args:
         weak: (T,) bool, texels where few shadow rays do; None: nowhere
+        flat: as for `light_of_meshes`
     """
     number = len(batch.lamps)
     probes = Probes.none(number, texels.count, visibility)
     tolerance, workers = settings.steps.lamp_error, settings.workers
-    shining = light_of_meshes(batch.lamps, texels, probes.light, workers, batch.own, tolerance)
+    shining = light_of_meshes(batch.lamps, texels, probes.light, workers, batch.own, tolerance, flat)
     yield from scaled(shining, 0, 0.3)
     yield from scaled(_probe(batch, texels, visibility, settings, probes), 0.3, 0.5)
 

@@ -61,7 +61,7 @@ class OwnFaces:
         group: (E,) int64, light groups
         hollow: (E,) bool, may see itself
         picture: (E,) bool, shows what `glow` has
-        glow: what triangles emit whose emission varies
+        glow: what the triangles of pictures emit; None where there are none
         bend: (F,) float32, of the angles of light on triangles; None where it counts by Lambert's law
     """
 
@@ -97,7 +97,7 @@ class OwnFaces:
         if any(behind is not material for _, material, behind in emitters):
             faces = np.asarray(radiance / np.maximum(brightest, np.float32(1e-30))[:, None], np.float32)
         bend = surfaces.bend if surfaces.bends else None
-        return cls(owner, brightest, faces, group, hollow, picture, glow, bend)
+        return cls(owner, brightest, faces, group, hollow, picture, glow if picture.any() else None, bend)
 
     def put_out(self, emitter: int, light: Float32, triangle: Int32) -> None:
         """Put out, in place, an emitter's light (P,) on points of triangles (P,) of its own."""

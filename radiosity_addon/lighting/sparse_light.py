@@ -45,9 +45,6 @@ CLEAR = 1.5
 TRIED = 64
 """Rectangles tried in one go."""
 
-HALVED = 16
-"""Rectangles halved in one go."""
-
 CHUNK = 1 << 14
 """Texels that get the light of their rectangles in one go."""
 
@@ -62,11 +59,13 @@ def light_of_meshes(
     workers: int,
     faces: OwnFaces | None = None,
     tolerance: float = FINE,
+    flat: FlatCells | None = None,
 ) -> Generator[float, None, None]:
     """Fill in the rows of light (L, T) of lamps that are meshes, but for their own `faces`; yields the share done.
 
     Args:
         tolerance: relative error that the light may have
+        flat: those of the texels, halved as far as other meshes have asked; None: none have
     """
     trees: dict[int, list[int]] = {}
     for index, lamp in enumerate(lamps):
@@ -74,7 +73,7 @@ def light_of_meshes(
             trees.setdefault(id(lamp.tree), []).append(index)
     if not trees:
         return
-    flat = FlatCells.of(texels, LEAST)
+    flat = flat or FlatCells.of(texels, LEAST)
     for done, rows in enumerate(trees.values()):
         alike = [lamp.loosened(tolerance / FINE) for lamp in (lamps[row] for row in rows) if isinstance(lamp, MeshLamp)]
         steps = light_of_tree(alike, texels, flat, workers, faces, tolerance)
@@ -148,9 +147,6 @@ def _fitted(
         good[good] = smooth
         return good, found[:, :, smooth]
 
-    def halve(first: int, last: int) -> Rectangles:
-        return flat.halves(others.only(slice(first, last)))
-
     while len(now.start):
         tried = yield from scaled(in_chunks(attempt, len(now.start), TRIED, workers), 0, 1)
         good = np.concatenate([part for part, _ in tried])
@@ -159,9 +155,7 @@ def _fitted(
         others = now.only(~good)
         parted = (others.length >= 2 * LEAST) & others.wide
         left.append(others.only(~parted))
-        others = others.only(parted)
-        halves = yield from scaled(in_chunks(halve, len(others.start), HALVED, workers), 1, 1)
-        now = Rectangles.joined([others.only(slice(0)), *halves])
+        now = yield from scaled(flat.halves(others.only(parted), workers), 1, 1)
     return Rectangles.joined(fitted), np.concatenate(terms, axis=2), Rectangles.joined(left)
 
 
