@@ -217,6 +217,22 @@ def test_pictures_of_what_passes_are_asked_for_from_both_sides() -> None:
     assert not passed.clear.any()
 
 
+def test_pictures_that_are_the_same_on_both_sides_are_one() -> None:
+    """Trees with Fresnel nodes are asked from both sides, whatever these nodes change."""
+    shade = Faces(RED, RED)
+    scene = Scene((panel(), WALL), glowing(RED, RED, varies=True))
+    surfaces = flatten(scene)
+    (glow, _), dim = glow_of(scene, surfaces, shade), frozenset({"transmittance"})
+    assert shade.asked == [("emission", False), ("emission", True)]
+    assert glow.backs is None
+    lamps = lamps_of(scene, surfaces, (), glow)
+    assert [lamp.two_sided for lamp in lamps.lamps] == [True]
+    assert lamps.own.faces is None
+    clear = tuple(replace(material, varies=dim) for material in scene.materials)
+    passed = transmittance_of(replace(scene, materials=clear), surfaces, Faces((0.5,) * 3, (0.5,) * 3), 10.0)
+    assert passed.behind is None
+
+
 def test_a_page_of_backs_shows_what_stops_light_there() -> None:
     """White behind, clear in front: of what a sheet reflects as a whole each side has its own share."""
     front = Material("Clear", DARK, transmittance=(1.0,) * 3, back=2)

@@ -7,6 +7,7 @@ square page, fine enough for the shadows that lightmap texels can show, and the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -138,75 +139,89 @@ def transmittance_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, de
     materials = scene.materials
     constant = np.array([material.transmittance for material in materials] or [(0, 0, 0)], np.float32)
     varies = np.array(["transmittance" in material.varies for material in materials] or [False])
-    if not (shader is not None and varies[surfaces.material].any()) and constant.max(initial=0) < NEARLY:
+    chosen = np.flatnonzero(varies[surfaces.material]) if shader is not None else np.zeros(0, np.int64)
+    if not len(chosen) and constant.max(initial=0) < NEARLY:
         return None
-    other = [material.back is not None and passes_unlike(material, materials[material.back]) for material in materials]
-    unlike = np.array(other)[surfaces.material]
-    sides = [(surfaces.material, np.ones(surfaces.count, bool))]
+    cells = _Cells.of(surfaces.area[chosen], density)
+    unlike = np.array([passes_unlike(materials, material) for material in materials])[surfaces.material]
+    pages = [np.zeros((3, cells.size**2), np.float32)] * 2
+    if shader is not None and len(chosen):
+        pages = [_asked(scene, surfaces, shader, chosen, cells)] * 2
+        turned = unlike[chosen]
+        if turned.any():
+            pages[1] = _asked(scene, surfaces, shader, chosen, cells, turned)
+            gap = np.abs(pages[1] - pages[0]).max(0)
+            unlike[chosen] &= cells.range_of(np.maximum, gap) >= NEARLY
+    front, colored = _side(scene, surfaces, surfaces.material, chosen, cells, pages[0], unlike)
+    found = [front]
     if unlike.any():
-        sides.append((np.where(unlike, scene.behind[surfaces.material], surfaces.material), unlike))
-    found: list[Transmittance] = []
-    channels = 1
-    for material, own in sides:
-        chosen = np.flatnonzero(varies[material] & own) if shader is not None else np.zeros(0, np.int64)
-        value = constant[material].T
-        picture = np.full(surfaces.count, -1, np.int32)
-        picture[chosen] = np.arange(len(chosen))
-        lowest, highest = value.min(0), value.max(0)
-        cells = _Cells.of(surfaces.area[chosen], density)
-        texels = np.zeros((3, cells.size**2), np.float32)
-        if shader is not None and len(chosen):
-            texels = _asked(scene, surfaces, shader, chosen, cells, behind=len(found) > 0)
-            value[:, chosen] = 0
-        least, most = _over_channels(np.minimum, texels), _over_channels(np.maximum, texels)
-        lowest[chosen], highest[chosen] = cells.range_of(np.minimum, least), cells.range_of(np.maximum, most)
-        if max(float(np.ptp(value, axis=0).max(initial=0)), float((most - least).max())) >= NEARLY:
-            channels = 3
-        means = [mean_pane_transmittance(entry.ior) for entry in materials]
-        found.append(
-            Transmittance(
-                value=value,
-                lowest=lowest,
-                highest=highest,
-                ior=np.array([entry.ior for entry in materials], np.float32)[material],
-                mean=np.array(means, np.float32)[material],
-                picture=picture,
-                lookup=cells.lookup,
-                texels=texels,
-                size=cells.size,
-                unlike=unlike,
-            )
-        )
-    front, *behind = (
-        replace(side, value=_first(side.value, channels), texels=_first(side.texels, channels)) for side in found
+        material = np.where(unlike, scene.behind[surfaces.material], surfaces.material)
+        back, also = _side(scene, surfaces, material, chosen, cells, pages[1], unlike)
+        found, colored = [front, back], colored or also
+    if not colored:
+        found = [replace(side, value=side.value[:1].copy(), texels=side.texels[:1].copy()) for side in found]
+    return replace(found[0], behind=found[1]) if len(found) > 1 else found[0]
+
+
+def _side(
+    scene: Scene,
+    surfaces: Surfaces,
+    material: Int32,
+    chosen: Int64,
+    cells: _Cells,
+    texels: Float32,
+    unlike: Bools,
+) -> tuple[Transmittance, bool]:
+    """What triangles of materials (F,) let through, those `chosen` by pictures, and whether that is coloured."""
+    constant = np.array([entry.transmittance for entry in scene.materials], np.float32)
+    value = constant[material].T
+    lowest, highest = value.min(0), value.max(0)
+    picture = np.full(surfaces.count, -1, np.int32)
+    picture[chosen] = np.arange(len(chosen))
+    value[:, chosen] = 0
+    least, most = _over_channels(np.minimum, texels), _over_channels(np.maximum, texels)
+    lowest[chosen], highest[chosen] = cells.range_of(np.minimum, least), cells.range_of(np.maximum, most)
+    colored = max(float(np.ptp(value, axis=0).max(initial=0)), float((most - least).max())) >= NEARLY
+    means = [mean_pane_transmittance(entry.ior) for entry in scene.materials]
+    side = Transmittance(
+        value=np.ascontiguousarray(value),
+        lowest=lowest,
+        highest=highest,
+        ior=np.array([entry.ior for entry in scene.materials], np.float32)[material],
+        mean=np.array(means, np.float32)[material],
+        picture=picture,
+        lookup=cells.lookup,
+        texels=texels,
+        size=cells.size,
+        unlike=unlike,
     )
-    return replace(front, behind=behind[0]) if behind else front
+    return side, colored
 
 
-def _first(rows: Float32, channels: int) -> Float32:
-    return np.ascontiguousarray(rows[:channels])
-
-
-def passes_unlike(front: Material, back: Material) -> bool:
-    """Whether light may pass a surface otherwise from behind."""
-    if "transmittance" in front.varies:
-        return True
+def passes_unlike(materials: Sequence[Material], front: Material) -> bool:
+    """Whether light may pass one of the materials otherwise from behind."""
+    if front.back is None or "transmittance" in front.varies:
+        return front.back is not None
+    back = materials[front.back]
     return (front.transmittance, front.ior) != (back.transmittance, back.ior)
 
 
-def _asked(scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cells: _Cells, behind: bool) -> Float32:
-    """Pictures (3, size * size) of the `chosen` triangles, in 0..1."""
+def _asked(
+    scene: Scene, surfaces: Surfaces, shader: Shader, chosen: Int64, cells: _Cells, behind: Bools | None = None
+) -> Float32:
+    """Pictures (3, size * size) of the `chosen` triangles, in 0..1; of some of them, from `behind` (K,)."""
+    asked = np.ones(len(chosen), bool) if behind is None else behind
     meshes = np.zeros(len(scene.meshes), bool)
-    meshes[surfaces.mesh[chosen]] = True
+    meshes[surfaces.mesh[chosen[asked]]] = True
     outside = np.full((surfaces.count, 3, 2), -1.0, np.float32)  # triangles that don't vary lie beside the page
-    outside[chosen] = cells.uv
+    outside[chosen[asked]] = cells.uv[asked]
     layout = Layout(
         size=cells.size,
         page_count=1,
         page=np.where(meshes, 0, -1).astype(np.int32),
         uv=tuple(outside[first:last] for first, last in zip(surfaces.first[:-1], surfaces.first[1:], strict=True)),
     )
-    seen = {"behind": True} if behind else {}
+    seen = {} if behind is None else {"behind": True}
     page = shader(layout, meshes, "transmittance", **seen)[0].reshape(-1, 3)
     shares: Float32 = np.clip(np.nan_to_num(page.T), 0, 1).astype(np.float32)
     for channel in shares:

@@ -80,7 +80,7 @@ def emissive_lamps(
                 else:
                     found += _pictures(surfaces, triangles, picture, look, side)
             lamps += [replace(lamp, emitter=len(known), leads=lamp is found[0]) for lamp in found]
-            known.append((triangles, material, behind))
+            known.append((triangles, material, material if sides[0][0] == BOTH else behind))
             sampled[triangles] = True
     if glow is not None:
         sampled[glow.triangle] |= ~bright[glow.triangle]  # black all over: nothing to find there
@@ -89,8 +89,8 @@ def emissive_lamps(
 
 def _sides(material: Material, behind: Material, glow: Glow | None) -> list[tuple[int, Material, Glow | None]]:
     """What of a surface shines, with its picture if it has one: both faces alike, or one of them, or each by itself."""
-    backs = glow if glow is None or glow.backs is None else glow.backs
-    if behind is material or (glow is None and behind.emission == material.emission):
+    backs = None if glow is None else glow.backs
+    if behind is material or (backs is None if glow is not None else behind.emission == material.emission):
         return [(BOTH, material, glow)]
     sides = [(FRONT, material, glow), (BACK, behind, backs)]
     return [side for side in sides if side[2] is not None or any(side[1].emission)]

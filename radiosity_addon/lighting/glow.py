@@ -158,5 +158,6 @@ def glow_of(scene: Scene, surfaces: Surfaces, shade: Shader | None) -> tuple[Glo
         meshes = np.bincount(surfaces.mesh[chosen[unlike]], minlength=len(meshes)) > 0
         behind = radiance.copy()
         behind[unlike], more = seen(shade(layout, meshes, "emission", behind=True)[0], unlike)
-        glow, warnings = replace(glow, backs=replace(glow, radiance=behind)), warnings + more
+        if not np.array_equal(behind, radiance):
+            glow, warnings = replace(glow, backs=replace(glow, radiance=behind)), warnings + more
     return glow, warnings
