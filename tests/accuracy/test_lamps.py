@@ -176,7 +176,7 @@ def add_floor(size: float = 1.0) -> None:
 def cycles_direct(points: Probes) -> np.ndarray:
     """(N, 3) irradiance, W/m2."""
     made, image = probe_mesh(points, SIZE)
-    sharp = {getattr(light, "shadow_soft_size", 1) for light in bpy.data.lights} == {0}
+    sharp = {light.type in ("POINT", "SPOT") and light.shadow_soft_size == 0 for light in bpy.data.lights} == {True}
     judge(bpy.context.scene, 16 if sharp else SAMPLES, 1, 2)
     bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, target="IMAGE_TEXTURES", margin=0, use_clear=True)
     pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
