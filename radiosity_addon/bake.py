@@ -21,9 +21,8 @@ from .geometry.sheets import Sheets, sheets_of
 from .geometry.sides import with_backs
 from .geometry.surfaces import Surfaces, flatten
 from .geometry.texels import Texels, rasterize
-from .geometry.transmittance import Transmittance, transmittance_of
 from .geometry.validity import solid_triangles, strata_inside
-from .geometry.visibility import Visibility
+from .geometry.visibility import Visibility, visibility_of
 from .geometry.walls import Walls, find_walls
 from .lighting.beams import direct_light
 from .lighting.glow import glow_of
@@ -123,8 +122,8 @@ def bake(
     surfaces = flatten(every_side)
     fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
-    transmittance = yield from log.stage("Transparency", _transmittance(scene, fronts, atlas, shade))
-    visibility = log.visibility = Visibility(fronts.corners, transmittance, surfaces.offset, fronts.met, fronts.casts)
+    visibility = yield from log.stage("Transparency", _visibility(scene, fronts, atlas, shade))
+    log.visibility = visibility
     solid = np.zeros(surfaces.count, bool)
     solid[: fronts.count] = solid_triangles(scene, fronts, visibility)
     texels, walls = yield from log.stage("Texels", _valid_texels(atlas, surfaces, solid, visibility, settings))
@@ -141,7 +140,7 @@ def bake(
         if sheets is not None:
             sheets.mix(direct)
         live.update(direct=lambda: direct)
-        opacity = opacity_of(texels, transmittance)
+        opacity = opacity_of(texels, visibility.transmittance)
         if opacity is not None:
             look = look.stopped(opacity)
         start = Start(scene, texels, walls, solid, look, opacity, sheets, lamps, sky, direct)
@@ -231,11 +230,9 @@ def _places(
     return (yield from while_aside(build_atlas(scene, settings), showing))
 
 
-def _transmittance(
-    scene: Scene, surfaces: Surfaces, atlas: Atlas, shade: Shader | None
-) -> Fractions[Transmittance | None]:
+def _visibility(scene: Scene, surfaces: Surfaces, atlas: Atlas, shade: Shader | None) -> Fractions[Visibility]:
     yield 0.0
-    return transmittance_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
+    return visibility_of(scene, surfaces, shade, float(atlas.density.max(initial=0)))
 
 
 def _valid_texels(

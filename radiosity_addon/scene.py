@@ -61,6 +61,7 @@ class Material:
         emission: emitted radiance, W/(m2 sr)
         group: light group of the emission, index into Scene.groups
         transmittance: share of the light that goes straight on, each channel in [0, 1]
+        indirect_transmittance: of light that does not come from lamps, if that passes otherwise; None: the same
         ior: index of refraction of clear glass: the transmittance is then a mean, and follows the angle; 1 for others
         glosses: layers of facets that are part of the reflectance; none where it varies over the surface how they look
         varies: which of these change over the surface; a Shader tells them, the values here are their means
@@ -72,6 +73,7 @@ class Material:
     emission: RGB = (0.0, 0.0, 0.0)
     group: int = 0
     transmittance: RGB = (0.0, 0.0, 0.0)
+    indirect_transmittance: RGB | None = None
     ior: float = 1.0
     glosses: tuple[Gloss, ...] = ()
     translucence: RGB = (0.0, 0.0, 0.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -160,6 +161,17 @@ def test_furnace_with_a_half_clear_wall_inside(quality: str) -> None:
     _, light = lit(Scene((room, wall), (glow, half)), quality=quality, tolerance=1e-7)
     assert light.mean() * np.pi == pytest.approx(2, rel=0.003)
     assert np.abs(light * np.pi / 2 - 1).max() < (0.08 if quality == "draft" else 0.05)
+
+
+@pytest.mark.parametrize(("lamps", "sky"), [(1.0, 0.0), (0.0, 1.0), (0.5, 0.25)])
+def test_a_pane_may_let_through_other_shares_of_the_light_of_lamps_and_of_all_else(lamps: float, sky: float) -> None:
+    pane_of_both = replace(clear(lamps), indirect_transmittance=(sky,) * 3)
+    noon, world = replace(NOON, angle=0.0), World((1.0,) * 3)
+    sun = bake_of(Scene((floor(), pane(0.3, 400)), (BLACK, pane_of_both), (noon,))).pages[0].reshape(-1, 3)
+    bare = bake_of(Scene((floor(),), (BLACK,), (noon,))).pages[0].reshape(-1, 3)
+    np.testing.assert_allclose(sun, lamps * bare, atol=1e-5)
+    under = bake_of(Scene((floor(), pane(0.3, 400)), (BLACK, pane_of_both), world=world), quality="medium").pages[0]
+    assert under.mean() == pytest.approx(sky, abs=0.003)
 
 
 @pytest.mark.parametrize("transmittance", [(0.5,), (1.0, 0.25, 0.0)])

@@ -129,6 +129,17 @@ class Transmittance:
         return total
 
 
+def for_indirect_light(scene: Scene) -> Scene:
+    """The scene as light meets it that does not come from lamps; itself, where its materials make no difference."""
+    if all(material.indirect_transmittance is None for material in scene.materials):
+        return scene
+    materials = (
+        replace(material, transmittance=material.indirect_transmittance or material.transmittance)
+        for material in scene.materials
+    )
+    return replace(scene, materials=tuple(materials))
+
+
 def transmittance_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, density: float) -> Transmittance | None:
     """What the scene's triangles let through, or None where all are opaque.
 

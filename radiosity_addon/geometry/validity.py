@@ -67,8 +67,9 @@ def solid_triangles(scene: Scene, surfaces: Surfaces, visibility: Visibility) ->
     sheet = is_sheet(scene.materials)
     sheet |= sheet[scene.behind]
     rooms = np.concatenate([rooms, surfaces.component[sheet[surfaces.material]]])
-    if visibility.transmittance is not None:
-        rooms = np.concatenate([rooms, surfaces.component[~visibility.transmittance.opaque]])
+    for transmittance in (visibility.transmittance, visibility.of_lamps.transmittance):
+        if transmittance is not None:
+            rooms = np.concatenate([rooms, surfaces.component[~transmittance.opaque]])
     return surfaces.closed & _facing_outward(surfaces) & ~np.isin(surfaces.component, rooms)
 
 

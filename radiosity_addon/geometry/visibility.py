@@ -18,7 +18,10 @@ from ..arrays import Bools, Float32, Int32, Int64
 from ..columns import dots
 from ..errors import BakeError
 from ..sampling import even_uniform, hash_bits, hash_uniform
-from .transmittance import Transmittance
+from ..scene import Scene
+from ..shading import Shader
+from .surfaces import Surfaces
+from .transmittance import Transmittance, for_indirect_light, transmittance_of
 
 SEGMENT_END = np.float32(1.0 - 1e-4)
 """Shadow segments stop short of their target by this share, so that a target on a surface is not its own blocker."""
@@ -173,6 +176,7 @@ class Visibility:
         lift: m, perpendicular to a surface, by which a ray that passes it steps on: nearer ones count as one
         met: (F,) bool, triangles that are there at all
         casts: (F,) bool, triangles that are there for the light of lamps
+        of_lamps: what hides lamps, if more differs than that
 
     Attributes:
         of_lamps: what hides lamps: this, where the same triangles do
@@ -187,6 +191,7 @@ class Visibility:
         lift: float = 0.0,
         met: Bools | None = None,
         casts: Bools | None = None,
+        of_lamps: Visibility | None = None,
     ) -> None:
         if not np.isfinite(corners).all() or (corners.size and np.abs(corners).max() > 1e15):
             raise ValueError("corners must be finite and below 1e15 m")
@@ -203,8 +208,8 @@ class Visibility:
             self._veils = _Tree(
                 corners, self._meter, np.flatnonzero(~(transmittance.opaque | transmittance.clear) & met)
             )
-        self.of_lamps = self
-        if not np.array_equal(met, casts):
+        self.of_lamps = of_lamps or self
+        if of_lamps is None and not np.array_equal(met, casts):
             self.of_lamps = Visibility(corners, transmittance, lift, casts, casts)
 
     @property
@@ -357,3 +362,14 @@ def _ray_ids(origins: Float32, directions: Float32) -> Int64:
         for part in np.ascontiguousarray(rows.T, np.float32):
             ids = hash_bits(ids ^ part.view(np.uint32))
     return ids.astype(np.int64)
+
+
+def visibility_of(scene: Scene, surfaces: Surfaces, shader: Shader | None, density: float) -> Visibility:
+    """What rays meet in a scene, of which some surfaces let light through; see `transmittance_of`."""
+    corners, lift, met, casts = surfaces.corners, surfaces.offset, surfaces.met, surfaces.casts
+    own = transmittance_of(scene, surfaces, shader, density)
+    indirect = for_indirect_light(scene)
+    if indirect is scene:
+        return Visibility(corners, own, lift, met, casts)
+    of_lamps = Visibility(corners, own, lift, casts, casts)
+    return Visibility(corners, transmittance_of(indirect, surfaces, shader, density), lift, met, casts, of_lamps)

@@ -20,8 +20,7 @@ from ..chunks import finish
 from ..geometry.sides import seen_side
 from ..geometry.surfaces import flatten
 from ..geometry.texels import Texels
-from ..geometry.transmittance import transmittance_of
-from ..geometry.visibility import Visibility
+from ..geometry.visibility import Visibility, visibility_of
 from ..lighting.glow import glow_of
 from ..lighting.lights import Lamps, irradiance_at, lamps_of
 from ..lighting.sky import Sky, cells, sky_of
@@ -124,9 +123,7 @@ def first_light(scene: Scene) -> Generator[FirstLight | None, None, FirstLight]:
     fronts = surfaces.without_backs()
     scene = scene.moved(-surfaces.origin)
     yield None
-    visibility = Visibility(
-        fronts.corners, transmittance_of(scene, fronts, None, 0.0), surfaces.offset, fronts.met, fronts.casts
-    )
+    visibility = visibility_of(scene, fronts, None, 0.0)
     yield None
     sky = sky_of(scene.world)
     lamps = lamps_of(scene, fronts, () if sky is None else sky.suns, glow_of(scene, fronts, None)[0])

@@ -48,7 +48,7 @@ def test_two_surfaces_of_glass_let_through_what_cycles_does(kind):
     assert tree.warnings == [f"light passes {glass.name} unbent"]
 
 
-def test_a_mix_with_transparent_for_shadow_rays_lets_light_through():
+def test_a_mix_with_transparent_for_shadow_rays_lets_the_light_of_lamps_through():
     tree = Tree()
     path, mix = tree.node("LightPath"), tree.node("MixShader")
     tree.link(path, mix, 0, "Is Shadow Ray")
@@ -57,7 +57,27 @@ def test_a_mix_with_transparent_for_shadow_rays_lets_light_through():
     tree.show(mix)
     material = tree.read()
     assert material.transmittance == (1, 1, 1)
+    assert material.indirect_transmittance == (0, 0, 0)
     assert material.reflectance == rgb(0.5, 0.5, 0.5)
+
+
+@pytest.mark.parametrize(("operation", "shown"), [("MAXIMUM", True), ("MINIMUM", False)])
+def test_light_paths_that_a_math_node_joins_are_constants(operation, shown):
+    """The mix that lets diffuse rays through as well, as often made: to light it is not there."""
+    tree = Tree()
+    path, join, mix = tree.node("LightPath"), tree.node("Math"), tree.node("MixShader")
+    join.operation = operation
+    tree.link(path, join, 0, "Is Shadow Ray")
+    tree.link(path, join, 1, "Is Diffuse Ray")
+    tree.link(join, mix, 0)
+    tree.link(tree.node("BsdfDiffuse", Color=(0.5, 0.5, 0.5)), mix, 1)
+    tree.link(tree.node("BsdfTransparent"), mix, 2)
+    tree.show(mix)
+    material = tree.read()
+    assert material.varies == frozenset()
+    assert material.indirect_transmittance is None
+    assert material.transmittance == ((1, 1, 1) if shown else (0, 0, 0))
+    assert material.reflectance == ((0, 0, 0) if shown else rgb(0.5, 0.5, 0.5))
 
 
 def test_a_picture_of_holes_varies_in_what_passes():

@@ -38,6 +38,9 @@ WHITE = np.ones(3)
 DEFAULT_REFLECTANCE = (0.8, 0.8, 0.8)
 """Cycles' surface where there is no material."""
 
+ALIKE = 1e-3
+"""Transmittances that differ by less are the same."""
+
 FROM_FRONT: Mapping[str, float] = {}
 """As `nodes.BEHIND`, of rays that meet a surface from the front."""
 
@@ -53,7 +56,8 @@ class Shading:
     """What a shader socket gives: reflectance, emitted radiance, W/(m2 sr), and transmittance, (3,) each.
 
     `refracted` is the transmittance times the index of refraction of what lets light pass; `translucence` and `glosses`
-    are part of the reflectance.
+    are part of the reflectance; `indirect` is the transmittance of light that does not come from lamps, where that was
+    asked for.
     """
 
     reflectance: Float64 = field(default_factory=lambda: BLACK)
@@ -62,6 +66,7 @@ class Shading:
     refracted: Float64 = field(default_factory=lambda: BLACK)
     translucence: Float64 = field(default_factory=lambda: BLACK)
     glosses: tuple[Gloss, ...] = ()
+    indirect: Float64 | None = None
 
     def __add__(self, other: Shading) -> Shading:
         sums = (one + two for one, two in zip(self._parts, other._parts, strict=True))
@@ -140,16 +145,24 @@ def read_material(
         warn(f"reflects {reflectance.max():.4g} of the light and is limited to {MAX_REFLECTANCE}")
     if min(reflectance.min(), emission.min()) < 0:
         warn("has a negative colour, which is taken as black")
+    indirect = shading.indirect
+    if indirect is not None and ("transmittance" in varies or np.abs(indirect - transmittance).max() < ALIKE):
+        indirect = None
     held = np.clip(reflectance, 0, MAX_REFLECTANCE)
     through = np.divide(shading.translucence, reflectance, out=np.zeros(3), where=reflectance > 0)
     translucence = held * np.clip(through, 0, 1)
-    passes = transmittance.any() or translucence.any() or varies & {"transmittance", "translucence"}
+    passes = (
+        (transmittance if indirect is None else indirect).any()
+        or translucence.any()
+        or varies & {"transmittance", "translucence"}
+    )
     return Material(
         name=material.name,
         reflectance=rgb(held),
         emission=rgb(np.maximum(emission, 0)),
         group=group if emission.any() or "emission" in varies else 0,
         transmittance=rgb(np.clip(transmittance, 0, 1)),
+        indirect_transmittance=None if indirect is None else rgb(np.clip(indirect, 0, 1)),
         ior=float(np.clip(shading.refracted.sum() / max(transmittance.sum(), 1e-9), 1, None))
         if transmittance.any()
         else 1.0,
@@ -222,7 +235,8 @@ def _as_rays_meet_it(
     """What shadow rays are let through, and what others see."""
     shown = _surface(tree, _Reader(warn or _say_nothing, stand_in, {**LIGHT_PATH, **side}))
     passed = _surface(tree, _Reader(_say_nothing, stand_in, {**SHADOW_PATH, **side}))
-    return replace(shown, transmittance=passed.transmittance, refracted=passed.refracted)
+    through = {"transmittance": passed.transmittance, "refracted": passed.refracted}
+    return replace(shown, **through, indirect=shown.transmittance)
 
 
 def _surface(tree: bpy.types.NodeTree, reader: _Reader) -> Shading:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
@@ -116,8 +117,31 @@ def known(socket: bpy.types.NodeSocket, groups: Groups, path: Mapping[str, float
         return None
     if end.node.type in SEE_ANGLES:
         return from_all_around(end, groups, "Backfacing" in path)
+    if end.node.type == "MATH":
+        return _computed(end.node, groups, path)
     asks_ray = end.node.type == "LIGHT_PATH" or (end.node.type, end.name) == ("NEW_GEOMETRY", "Backfacing")
     return np.full(3, path.get(end.name, 0.0)) if asks_ray else None
+
+
+ARITHMETIC: dict[str, Callable[[float, float], float]] = {
+    "ADD": operator.add,
+    "SUBTRACT": operator.sub,
+    "MULTIPLY": operator.mul,
+    "MAXIMUM": max,
+    "MINIMUM": min,
+    "LESS_THAN": operator.lt,
+    "GREATER_THAN": operator.gt,
+}
+"""What Math nodes make of two numbers, by operation."""
+
+
+def _computed(node: bpy.types.Node, groups: Groups, path: Mapping[str, float]) -> Float64 | None:
+    """What a Math node makes of constants, (3,)."""
+    one, other = (known(socket, groups, path) for socket in list(node.inputs)[:2])
+    if one is None or other is None or node.operation not in ARITHMETIC or np.ptp(one) or np.ptp(other):
+        return None  # a colour would count by its luminance
+    result = float(ARITHMETIC[node.operation](float(one[0]), float(other[0])))
+    return np.full(3, min(max(result, 0.0), 1.0) if node.use_clamp else result)
 
 
 def from_all_around(output: bpy.types.NodeSocket, groups: Groups = (), behind: bool = False) -> Float64 | None:
