@@ -4,7 +4,7 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from radiosity_addon.blender.data.names import UV_MAP, is_baked, is_stand_in
+from radiosity_addon.blender.data.names import BAKE_KEY, UV_MAP, is_baked, is_preview, is_stand_in
 from radiosity_addon.blender.writing.revert import revert
 from tests.blender.baked import bake, quad
 from tests.blender.datablocks import differences, snapshot
@@ -246,3 +246,29 @@ def test_the_bake_that_appended_objects_bring_along_gives_way_to_the_scenes_own(
     assert {thing.name: thing.hide_render for thing in bpy.data.objects} == {"Sofa": False, "Wall": False}
     assert list(bpy.data.materials.keys()) == ["Cloth"]
     assert not bpy.data.images
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_full_copy_of_a_baked_scene_is_reverted_and_baked_without_the_other(tmp_path, again):
+    bake(furnished(), tmp_path, pages=PAGES)
+    day, before = bpy.context.scene, snapshot()
+    bpy.ops.scene.new(type="FULL_COPY")
+    night = bpy.context.scene
+    copies = [thing for thing in night.objects if not is_stand_in(thing)]
+    if again:
+        bake(copies, tmp_path)
+        assert night[BAKE_KEY] != day[BAKE_KEY]
+        assert all(image[BAKE_KEY] in (day[BAKE_KEY], night[BAKE_KEY]) for image in bpy.data.images)
+        assert sum(image[BAKE_KEY] == night[BAKE_KEY] for image in bpy.data.images) == 1
+    revert(night)
+    assert not is_baked(night)
+    assert len(night.objects) == len(copies)
+    assert not any(thing.hide_render or UV_MAP in thing.data.uv_layers for thing in night.objects)
+    assert not any(is_preview(slot.material) for thing in night.objects for slot in thing.material_slots)
+    bpy.data.batch_remove([*night.objects, *(thing.data for thing in night.objects)])
+    for group in night.collection.children_recursive:
+        bpy.data.collections.remove(group)
+    bpy.context.window.scene = day
+    bpy.data.scenes.remove(night)
+    after = snapshot()
+    assert [text for text in differences(before, after) if "/users" not in text and "is new" not in text] == []

@@ -88,6 +88,14 @@ def orphaned_bakes(scene: bpy.types.Scene) -> set[str]:
     return found - {each.get(BAKE_KEY) for each in bpy.data.scenes}
 
 
+def is_full_copy(scene: bpy.types.Scene) -> bool:
+    """Whether the scene was copied with its bake, which another scene still shows on objects of its own."""
+    token = scene.get(BAKE_KEY)
+    others = [each for each in bpy.data.scenes if each != scene and token is not None and each.get(BAKE_KEY) == token]
+    baked = {thing for thing in scene.objects if thing.get(BAKE_KEY) == token}
+    return bool(others) and not any(thing in baked for each in others for thing in each.objects)
+
+
 def page_images(token: str) -> list[bpy.types.Image]:
     """The images of a bake's pages, as far as they are still there, in order; those of light groups are others."""
     own = [image for image in bpy.data.images if image.get(BAKE_KEY) == token and PAGE_KEY in image]

@@ -18,7 +18,7 @@ import numpy as np
 from ...errors import OutputError, SettingsError
 from ...files import safe_stem
 from ...pages.page_format import PICTURES, Recipe
-from ..data.names import BAKE_KEY, GROUP_KEY, PAGE_KEY, RECIPE_KEY
+from ..data.names import BAKE_KEY, GROUP_KEY, PAGE_KEY, RECIPE_KEY, is_full_copy
 from ..data.working_space import SAME, working_space
 from .decode_nodes import DecodeNodes
 
@@ -38,7 +38,8 @@ def free_stem(stem: str, scene: bpy.types.Scene, folder: Path) -> str:
     Args:
         folder: where the pages go
     """
-    others = [image for image in bpy.data.images if image.get(BAKE_KEY, scene.get(BAKE_KEY)) != scene.get(BAKE_KEY)]
+    own = None if is_full_copy(scene) else scene.get(BAKE_KEY)
+    others = [image for image in bpy.data.images if image.get(BAKE_KEY, own) != own]
     paths = [Path(bpy.path.abspath(each.filepath, library=each.library)) for each in others if not each.packed_file]
     taken = [path.name.casefold() for path in paths if path.parent.resolve() == folder.resolve()]
     named = f"{stem}_{scene.name}"

@@ -18,6 +18,7 @@ from ..data.names import (
     UV_KEY,
     UV_MAP,
     is_behind_stand_in,
+    is_full_copy,
     is_preview,
     is_stand_in,
     original_material,
@@ -27,9 +28,11 @@ from ..data.stand_in import followed, set_materials, swap_out
 
 
 def revert(scene: bpy.types.Scene) -> None:
-    """Take the scene's bake out; a scene without one stays as it is."""
+    """Take the scene's bake out; a scene without one stays as it is, and so does one that this one is a copy of."""
     token = scene.get(BAKE_KEY)
-    if token is not None:
+    if is_full_copy(scene):
+        _leave(scene, token)
+    elif token is not None:
         take_out(token)
 
 
@@ -38,7 +41,7 @@ def take_out(token: str) -> None:
     _adopt_joined(token)
     bpy.data.batch_remove([thing for thing in of_bake(bpy.data.objects, token) if is_stand_in(thing)])
     bpy.data.batch_remove(of_bake(bpy.data.collections, token))
-    others = followed(bpy.data.objects)
+    others = followed(thing for scene in bpy.data.scenes for thing in scene.objects)
     for thing in of_bake(bpy.data.objects, token):
         if thing in others and is_behind_stand_in(thing):  # the bake of another scene hides it too
             thing[BAKE_KEY] = others[thing][BAKE_KEY]
@@ -61,9 +64,36 @@ def take_out(token: str) -> None:
         scene.property_unset("radiosity_mix")
     for kind in (bpy.data.objects, bpy.data.meshes, bpy.data.scenes):
         for datablock in of_bake(kind, token):
-            for key in KEYS:
-                if key in datablock:
-                    del datablock[key]
+            _forget(datablock)
+
+
+def _forget(datablock: bpy.types.ID) -> None:
+    for key in KEYS:
+        if key in datablock:
+            del datablock[key]
+
+
+def _leave(scene: bpy.types.Scene, token: str) -> None:
+    """Undo what the bake that another scene has too changed in this one, and leave its images and materials."""
+    bpy.data.batch_remove([thing for thing in scene.objects if thing.get(BAKE_KEY) == token and is_stand_in(thing)])
+    groups = [group for group in scene.collection.children_recursive if group.get(BAKE_KEY) == token]
+    bpy.data.batch_remove(groups)
+    for thing in scene.objects:
+        if is_behind_stand_in(thing):
+            swap_out(thing)
+        if SLOTS_KEY in thing:
+            restore_slots(thing)
+    meshes = {thing.data for thing in scene.objects if thing.data is not None and thing.data.get(BAKE_KEY) == token}
+    for mesh in meshes:
+        _take_slot(mesh)
+        _restore_mesh(mesh)
+    for slot in [slot for thing in scene.objects for slot in thing.material_slots]:
+        if is_preview(slot.material) and slot.material.get(BAKE_KEY) == token:
+            slot.material = original_material(slot.material)
+    scene.world = original_world(scene.world)
+    scene.property_unset("radiosity_mix")
+    for datablock in (scene, *meshes, *scene.objects):
+        _forget(datablock)
 
 
 def _adopt_joined(token: str) -> None:
@@ -81,10 +111,7 @@ def of_bake(collection: bpy.types.bpy_prop_collection, token: str) -> list[bpy.t
 
 def _remove_previews(token: str) -> None:
     for mesh in of_bake(bpy.data.meshes, token):
-        if SLOT_KEY in mesh:
-            del mesh[SLOT_KEY]
-            if len(mesh.materials) == 1 and (mesh.materials[0] is None or is_preview(mesh.materials[0])):
-                set_materials(mesh, [])
+        _take_slot(mesh)
     for material in of_bake(bpy.data.materials, token):
         original = original_material(material)
         if original is not None:
@@ -92,6 +119,14 @@ def _remove_previews(token: str) -> None:
         bpy.data.materials.remove(material)
     for group in of_bake(bpy.data.node_groups, token):
         bpy.data.node_groups.remove(group)
+
+
+def _take_slot(mesh: bpy.types.Mesh) -> None:
+    """Take off the only material slot, where the bake gave it and it shows nothing else."""
+    if SLOT_KEY in mesh:
+        del mesh[SLOT_KEY]
+        if len(mesh.materials) == 1 and (mesh.materials[0] is None or is_preview(mesh.materials[0])):
+            set_materials(mesh, [])
 
 
 def restore_slots(thing: bpy.types.Object) -> None:

@@ -34,6 +34,7 @@ from ..data.names import (
     SLOTS_KEY,
     UV_KEY,
     UV_MAP,
+    is_full_copy,
     orphaned_bakes,
 )
 from ..data.preflight import check_can_carry
@@ -46,7 +47,7 @@ from .light_mix import load_mix, sliders_of
 from .mixed_world import mix_world
 from .page_images import load_page
 from .preview_materials import PreviewMaterials
-from .revert import take_out
+from .revert import revert, take_out
 
 if TYPE_CHECKING:
     from ...atlas.unwrap import Atlas
@@ -140,7 +141,8 @@ def write_back(
     """
     leave_edit_mode(scene)
     before, sliders = scene.get(BAKE_KEY), sliders_of(scene)
-    replaced = orphaned_bakes(scene) | ({before} if before else set())
+    foreign = orphaned_bakes(scene)
+    replaced = foreign | ({before} if before else set())
     places = yield from _find_places(extraction, atlas, replaced)
     token = uuid.uuid4().hex
     try:
@@ -156,10 +158,11 @@ def write_back(
             for place in places:
                 _make_previews(place, previews)
                 yield
-        if before:
+        if before and not is_full_copy(scene):
             _replace_images([*images, *(mix.images if mix else ())], before)
-        for earlier in replaced:
-            take_out(earlier)
+        revert(scene)
+        for each in foreign:
+            take_out(each)
         scene[BAKE_KEY] = token
         _switch(places, replacements, previews, mode, token)
         if mix is not None:
