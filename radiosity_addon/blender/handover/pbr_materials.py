@@ -120,7 +120,8 @@ class PbrMaterials:
         shown, groups = follow(end.inputs["Surface"], ())
         if not (shown.is_output and shown.node.type == "BSDF_PRINCIPLED" and not groups):
             reader = ShaderReader(tree, self.token)
-            _show(reader, end, *reader.look(end.inputs["Surface"]).colors)
+            look = reader.look(end.inputs["Surface"])
+            _show(reader, end, look.albedo, look.emission, look.through)
             shown, groups = follow(end.inputs["Surface"], ())
             means = {
                 "Base Color": np.maximum(mean.reflectance, 0),
