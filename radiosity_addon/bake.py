@@ -191,7 +191,7 @@ def bake(
         apart = yield from log.stage("Pages", _pages_apart(scene.groups, texels, irradiance, atlas))
     warnings = (*scene.warnings, *atlas.warnings, *warnings)
     if exchange is not None:
-        warnings += looking_away(exchange.patches, exchange.solution.radiosity, every_side.meshes)
+        warnings += looking_away(exchange.patches, exchange.solution.radiosity, every_side)
         if not exchange.solution.converged and settings.most_steps is None:
             warnings += (f"The solver stopped with {log.residual:.2%} of the light unshot; lower albedos near 1",)
     if ended_in:

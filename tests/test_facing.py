@@ -37,6 +37,13 @@ def test_a_leaf_lit_from_below_is_named_unless_it_is_two_sided() -> None:
     assert named(Scene((card(lightmapped=False), floor()), (WHITE,), (lamp,))) == []
 
 
+def test_a_panel_that_reflects_behind_only_is_not_named() -> None:
+    lamp = PointLight("Lamp", (9, 9, 9), (0, 0, 0.5))
+    dim, grey = (replace(WHITE, reflectance=(share,) * 3, back=1) for share in (0.0, 0.5))
+    assert named(Scene((card(),), (dim, WHITE), (lamp,))) == []
+    assert named(Scene((card(),), (grey, WHITE), (lamp,))) == ["Card"]
+
+
 def test_who_has_light_on_both_sides_is_not_named() -> None:
     assert named(Scene((card(), floor()), (WHITE,), (SunLight("Sun", (3.0,) * 3, (0, 0, -1)),))) == []
     assert named(Scene((card(),), (WHITE,), world=World((1, 1, 1)))) == []

@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..arrays import Float64
-from ..scene import Mesh
+from ..scene import Scene
 from .patches import Patches
 
 AWAY = 0.9
@@ -18,8 +16,10 @@ WORTH_SAYING = 1e-4
 """Share of the scene's light below which nobody misses it."""
 
 
-def looking_away(patches: Patches, radiosity: Float64, meshes: Sequence[Mesh]) -> tuple[str, ...]:
+def looking_away(patches: Patches, radiosity: Float64, scene: Scene) -> tuple[str, ...]:
     """Warnings about one-sided meshes with a lightmap that are lit from behind.
+
+    Those that reflect more there, such as panels that shine in front, are meant so.
 
     Args:
         radiosity: (N, G, 3), W/m2, of the patches
@@ -28,12 +28,16 @@ def looking_away(patches: Patches, radiosity: Float64, meshes: Sequence[Mesh]) -
         return ()
     owner = patches.texels.surfaces.mesh[patches.texels.triangle[patches.any_texels()]]
     power = np.maximum(radiosity.sum(1) - patches.emission, 0).sum(1) * patches.area
-    behind = np.bincount(owner, power * (patches.sides < 0), minlength=len(meshes))
-    whole = np.bincount(owner, power, minlength=len(meshes))
+    behind = np.bincount(owner, power * (patches.sides < 0), minlength=len(scene.meshes))
+    whole = np.bincount(owner, power, minlength=len(scene.meshes))
     away = (behind > AWAY * whole) & (behind > WORTH_SAYING * power.sum())
+    shown = np.array([entry.reflectance for entry in scene.materials]).sum(1)
+    meant = shown < shown[scene.behind] / 2
     return tuple(
         f"{mesh.name}: {share:.0%} of its light falls on the backs of its faces, which the lightmap does not show; "
         "flip its normals, or set it two-sided"
-        for mesh, share in zip(np.array(meshes, object)[away], (behind / np.maximum(whole, 1e-300))[away], strict=True)
-        if mesh.lightmapped
+        for mesh, share in zip(
+            np.array(scene.meshes, object)[away], (behind / np.maximum(whole, 1e-300))[away], strict=True
+        )
+        if mesh.lightmapped and not meant[mesh.material].any()
     )
