@@ -203,12 +203,12 @@ def place(
         if spots is None:
             continue
         turn, offset = np.zeros(items.count, np.int64), np.zeros((items.count, 2))
-        for (way, x, y), inside in zip(spots, members, strict=True):
+        for (way, x, y), inside, turns in zip(spots, members, shapes, strict=True):
             if len(inside) > 1:
                 run = np.append(0, np.cumsum(np.ceil(texels[inside, 0]) + padding))[:-1]
                 offset[inside] = np.stack([run, np.zeros(len(run))], axis=1) + half + [x, y] - corner[inside]
                 continue
-            shape = outlines.turns(int(inside[0]))[way]
+            shape = turns[way]
             turn[inside] = shape.turn
             wide, high = (float(edge) for edge in outlines.box[inside[0]])
             home = ((0.0, 0.0), (high, 0.0), (wide, high), (0.0, wide))[shape.turn]
@@ -220,13 +220,18 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """An item's padded contour after a quarter turn: floor and ceiling (n,) of its texel columns, texels."""
+    """An item's padded contour after a quarter turn: floor and ceiling (n,) of its texel columns, texels.
+
+    Attributes:
+        mean: of the floor; 0 where it is flat
+    """
 
     floor: Float32
     ceiling: Float32
     height: float
     lift: float
     turn: int
+    mean: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,6 +255,8 @@ class _Outlines:
         if self.fixed[item]:
             return (upright,)
         lying = _shape(low_y[::-1], high_y[::-1], 1)
+        if upright.mean == 0 and upright.ceiling.min() == upright.height:
+            return upright, lying  # a box
         over = _shape(height - high_x[::-1], height - low_x[::-1], 2)
         if np.abs(over.floor - upright.floor).max() < SAME and np.abs(over.ceiling - upright.ceiling).max() < SAME:
             return upright, lying
@@ -263,7 +270,7 @@ class _Outlines:
 def _shape(floor: Float64, ceiling: Float64, turn: int) -> _Shape:
     base = float(floor.min())
     low, high = (floor - base).astype(np.float32), (ceiling - base).astype(np.float32)
-    return _Shape(low, high, float(high.max()), -base, turn)
+    return _Shape(low, high, float(high.max()), -base, turn, float(np.add.reduce(low) / len(low)))
 
 
 def _outlines(items: Items, scale: float, half: int) -> _Outlines:
@@ -324,7 +331,7 @@ def _block(texels: Float64, padding: int) -> tuple[_Shape, ...]:
     """The strip of these items as one shape."""
     columns = int((np.ceil(texels[:, 0]) + padding).sum())
     height = float(texels[:, 1].max()) + padding
-    return (_Shape(np.zeros(columns, np.float32), np.full(columns, height, np.float32), height, 0.0, 0),)
+    return (_Shape(np.zeros(columns, np.float32), np.full(columns, height, np.float32), height, 0.0, 0, 0.0),)
 
 
 def _stack(
@@ -344,10 +351,13 @@ def _stack(
             if width > size or shape.height > room + 1e-6:
                 continue
             spots_across = (size - width) // step + 1
-            windows = np.ndarray((width, spots_across), skyline.dtype, skyline, strides=(4, 4 * step))
-            heights = (windows - shape.floor[:, None]).max(axis=0)
+            if shape.mean == 0:
+                heights = _highest(skyline, width)[::step]
+            else:
+                windows = np.ndarray((width, spots_across), skyline.dtype, skyline, strides=(4, 4 * step))
+                heights = (windows - shape.floor[:, None]).max(axis=0)
             below = (filled[width:] - filled[: size - width + 1])[::step] / width
-            score = heights * (1 + WASTE) - WASTE * below + (shape.height + WASTE * float(shape.floor.mean()))
+            score = heights * (1 + WASTE) - WASTE * below + (shape.height + WASTE * shape.mean)
             score[heights + shape.height > room + 1e-6] = np.inf
             column = int(np.argmin(score))
             if score[column] < (np.inf if best is None else best[0] - 1e-9):
@@ -360,3 +370,13 @@ def _stack(
         np.maximum(part, y + shape.ceiling, out=part)
         spots[which] = (way, float(x), y)
     return spots
+
+
+def _highest(skyline: Float32, width: int) -> Float32:
+    """The highest of every so many columns next to each other, by ever wider windows."""
+    reach = 1
+    while 2 * reach <= width:
+        skyline = np.maximum(skyline[:-reach], skyline[reach:])
+        reach *= 2
+    rest = width - reach
+    return np.maximum(skyline[: len(skyline) - rest], skyline[rest:])
