@@ -128,6 +128,19 @@ def test_a_textured_translucent_shader_varies_in_what_comes_through():
     assert tree.read().varies == {"reflectance", "translucence"}
 
 
+@pytest.mark.skipif(bpy.app.version < (5, 2), reason="Thin Wall is new in Blender 5.2")
+@pytest.mark.parametrize(("forward", "through"), [(0.0, 0.25), (0.5, 0.375), (-0.5, 0.125)])
+def test_a_thin_wall_lets_through_what_cycles_shows_behind_it(forward, through):
+    """Shares of its colour behind a principled wall under a sun, of subsurface weight 1/2, seen in Cycles."""
+    tree = Tree()
+    inputs = {"Subsurface_Weight": 0.5, "Subsurface_Anisotropy": forward, "Specular_IOR_Level": 0.0}
+    tree.show(tree.node("BsdfPrincipled", Base_Color=(0.8, 0.5, 0.2), Thin_Wall=True, **inputs))
+    material = tree.read()
+    assert material.reflectance == rgb(0.8, 0.5, 0.2)
+    assert material.translucence == rgb(0.8 * through, 0.5 * through, 0.2 * through)
+    assert not tree.warnings
+
+
 def test_what_is_limited_lets_through_no_more_of_it():
     tree = Tree()
     add = tree.node("AddShader")

@@ -330,10 +330,12 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
         gloss = dielectric_albedo(roughness, ior, rgb(tint), 2 * level, multiscatter)
         facets = (dielectric_gloss(roughness, ior, rgb(tint), 2 * level),)
-        shading = Shading(gloss + (1 - gloss.max()) * base, glosses=facets) * (1 - transmission)
+        diffuse = (1 - gloss.max()) * base
+        through = diffuse * _thin_share(reader, node, groups)
+        shading = Shading(gloss + diffuse, translucence=through, glosses=facets) * (1 - transmission)
         # what goes in and comes out again passes two surfaces, and is coloured once
-        through = glass(np.sqrt(np.clip(base, 0, 1)), ior)
-        shading = shading + replace(through, reflectance=through.reflectance.max() * WHITE) * transmission
+        pane = glass(np.sqrt(np.clip(base, 0, 1)), ior)
+        shading = shading + replace(pane, reflectance=pane.reflectance.max() * WHITE) * transmission
     if metallic > 0:
         facets = (metal_gloss(roughness, rgb(base), rgb(tint)),)
         metal = Shading(metal_albedo(roughness, rgb(base), rgb(tint), multiscatter), glosses=facets)
@@ -351,10 +353,26 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
     if transmission > 0:
         reader.warn(f"light passes {node.name} unbent")
     for name, text in LEFT_OUT.items():
+        if name == "Subsurface Weight" and _is_thin(reader, node, groups):
+            continue
         if name in node.inputs and reader.number(node, name, groups) > 0:
             reader.warn(text.format(node.name))
     alpha = reader.share(node, "Alpha", groups)
     return shading * alpha + clear((1 - alpha) * WHITE)
+
+
+def _is_thin(reader: _Reader, node: bpy.types.Node, groups: Groups) -> bool:
+    return "Thin Wall" in node.inputs and reader.share(node, "Thin Wall", groups) > 0.5
+
+
+def _thin_share(reader: _Reader, node: bpy.types.Node, groups: Groups) -> float:
+    """Share of the diffuse light of a wall without a volume that subsurface scattering lets through, as Cycles has it:
+    half of it, more where it scatters forward.
+    """
+    if not _is_thin(reader, node, groups):
+        return 0.0
+    forward = min(max(reader.number(node, "Subsurface Anisotropy", groups), -1.0), 1.0)
+    return reader.share(node, "Subsurface Weight", groups) * (1 + forward) / 2
 
 
 LEFT_OUT = {

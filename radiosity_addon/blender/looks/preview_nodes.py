@@ -26,7 +26,7 @@ from .nodes import Groups, likely
 COLORS = ("Base Color", "Color", "Emission Color")
 LINEAR = (*COLORS, "Emission Strength", "Strength")
 """Inputs that closures are linear in, whatever their values."""
-SHARES = ("Metallic", "Transmission Weight", "Coat Weight", "Specular IOR Level")
+SHARES = ("Metallic", "Transmission Weight", "Coat Weight", "Specular IOR Level", "Subsurface Weight")
 """Inputs that closures are linear in, or bend little, from 0 to 1."""
 SEEN: tuple[Quantity, ...] = ("reflectance", "emission", "transmittance")
 """What shows: a page holds the light of both sides of a sheet."""
