@@ -114,8 +114,7 @@ class Transaction:
         """
         if self._left:
             raise CancelledError
-        if target.is_dir():
-            raise OutputError(str(target), "a folder has this name", "Choose another file name")
+        check_is_no_folder(target)
         self._temporary[target] = _temporary_name(target.parent, target.suffix)
         return self._temporary[target]
 
@@ -158,6 +157,16 @@ class Transaction:
         if backup is not None:
             with suppress(PermissionError):  # on Windows, while somebody has it open: the next bake removes it
                 backup.unlink(missing_ok=True)
+
+
+def check_is_no_folder(target: Path) -> None:
+    """Whether a file can have this name.
+
+    Raises:
+        OutputError: a folder has it
+    """
+    if target.is_dir():
+        raise OutputError(str(target), "a folder has this name", "Choose another file name")
 
 
 def write_text(target: Path, text: str, files: Transaction) -> None:

@@ -63,6 +63,14 @@ def test_a_name_that_is_taken_is_an_error(
     assert named in refused(scene, tmp_path / output, capsys)
 
 
+def test_a_folder_in_the_place_of_a_file_is_told_before_anything_is_baked(
+    scene: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lit.blend").mkdir()
+    monkeypatch.setattr("radiosity_addon.blender.headless.commands.bake_scene", lambda *_: 1 / 0)
+    assert "a folder has this name" in refused(scene, tmp_path / "lit.blend", capsys)
+
+
 @pytest.mark.parametrize(
     "words",
     [["--report", "in.blend"], ["--report", "lit.blend"], ["--report", "lit.png", "--render", "lit.png"]],

@@ -14,7 +14,7 @@ from ...atlas.unwrap import Atlas, build_atlas
 from ...chunks import finish
 from ...errors import SceneError
 from ...estimate import memory_of
-from ...files import Transaction
+from ...files import Transaction, check_is_no_folder
 from ...pages.page_format import PageFormat
 from ...reports.report import Report, count_of, write_report
 from ...settings import BakeSettings
@@ -57,6 +57,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
     with Transaction() as files:
         for target in filter(None, (output, verb.report, verb.render, verb.render_before)):
             files.make_folder(target.parent)
+            check_is_no_folder(target)
         if verb.render_before:
             with silence(), as_unbaked(scene):
                 render_picture(scene, verb.render_before, _rendered(scene), files)
