@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -134,3 +135,13 @@ def test_a_full_disk_is_reported_by_the_operator_and_old_pages_are_kept(small_di
         bpy.ops.radiosity.bake()
     assert differences(before, snapshot()) == []
     assert tree(small_disk) == files
+
+
+def test_a_file_of_a_newer_blender_is_baked_with_a_warning(tmp_path: Path, scene: Path, capsys: Captured) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene), compress=False)
+    head, rest = scene.read_bytes()[:20], scene.read_bytes()[20:]
+    digits = re.search(rb"v(\d+)", head)[1]
+    newer = str(int(digits) + 100).zfill(len(digits)).encode()
+    scene.write_bytes(head.replace(b"v" + digits, b"v" + newer) + rest)
+    assert cli.main(["bake", str(scene), "-o", str(tmp_path / "lit.blend"), "--page-size", "16"]) == 0
+    assert any("was written by Blender" in line for line in spoken(capsys, "warning"))

@@ -58,6 +58,16 @@ def save_blend(path: Path, files: Transaction) -> None:
         ) from error
 
 
+def said_of_open() -> list[str]:
+    """What there is to say of the open file before it is saved: Blender drops in silence what it doesn't know."""
+    wrote, reads = (".".join(map(str, each[:2])) for each in (bpy.data.version, bpy.app.version))
+    if bpy.data.version[:2] <= bpy.app.version[:2]:
+        return []
+    return [
+        f"{bpy.data.filepath} was written by Blender {wrote}: what Blender {reads} doesn't know is lost in the result"
+    ]
+
+
 def _is_compressed(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(4).startswith(COMPRESSED)

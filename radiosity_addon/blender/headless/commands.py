@@ -18,7 +18,7 @@ from ...files import Transaction, check_is_no_folder
 from ...pages.page_format import PageFormat
 from ...reports.report import Report, count_of, write_report
 from ...settings import BakeSettings
-from ..data.blend_files import save_blend, silence
+from ..data.blend_files import said_of_open, save_blend, silence
 from ..data.names import is_baked
 from ..data.stand_in import as_unbaked
 from ..handover.export import Exported, Handover, export_lightmaps
@@ -44,7 +44,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
     """
     output = verb.output
     textures = verb.textures or output.with_name(f"{output.stem}_textures")
-    scene = bpy.context.scene
+    scene, said = bpy.context.scene, said_of_open()
     job = Job(
         settings=bake_settings(scene, verb),
         write_back=verb.write_back or scene.radiosity.write_back,
@@ -62,6 +62,7 @@ def bake(verb: Verb, meter: Meter) -> Report:
             with silence(), as_unbaked(scene):
                 render_picture(scene, verb.render_before, _rendered(scene), files)
         report = watched(bake_scene(scene, job, files), meter)
+        report = replace(report, warnings=[*said, *report.warnings])
         save_blend(output, files)
         if verb.render:
             shown = [bpy.data.objects[baked.object] for baked in report.objects]
