@@ -88,6 +88,35 @@ def mean_pane_transmittance(ior: float) -> float:
     return float(weight @ pane_transmittance(cosine, ior))
 
 
+SHEEN = (0.0, 0.0019, 0.0127, 0.0348, 0.0701, 0.1182, 0.177, 0.2433, 0.313, 0.382, 0.447)
+"""Share of uniform light that Cycles' white sheen of microfibres (Zeltner et al. 2022) sends back, by its roughness:
+measured on a sphere under a white sky in 4.5 and 5.2."""
+
+
+def sheen_albedo(roughness: float) -> float:
+    """Share of uniform hemispherical light that a white sheen sends back."""
+    return float(np.interp(roughness, np.linspace(0, 1, len(SHEEN)), SHEEN))
+
+
+def rough_diffuse_albedo(color: Float64, roughness: float) -> Float64:
+    """Share (3,) of uniform hemispherical light that a rough diffuse surface of a colour (3,) sends back.
+
+    Oren and Nayar's (1994) in Fujii's form, with what bounces between its facets given back (Portsmouth et al. 2025),
+    which Cycles colours once more than they do.
+    """
+    single = (1 + (2 / 3 - 28 / (15 * np.pi)) * roughness) / (1 + (1 / 2 - 2 / (3 * np.pi)) * roughness)
+    between = (1 - single) * color**2 * single / (1 - np.minimum(color, 1) * (1 - single))
+    return np.asarray(color * (single + between))
+
+
+def coat_tint(tint: Float64, ior: float) -> Float64:
+    """What a tinted coat (3,) lets through of uniform light, next to a clear one: the more the steeper it goes."""
+    cosine, weight = _directions()
+    inside = np.sqrt(1 - (1 - cosine**2) / ior**2)
+    passing = weight * (pane_transmittance(cosine, ior) if ior > 1 else 1)
+    return np.asarray(passing @ np.clip(tint, 1e-6, 1) ** (1 / inside[:, None]) / passing.sum())
+
+
 def mean_fresnel(ior: float) -> float:
     """Share of uniform hemispherical light that a smooth dielectric reflects.
 

@@ -16,7 +16,16 @@ import numpy as np
 
 from ...arrays import Float64
 from ...errors import SceneError
-from ...microfacet import dielectric_albedo, dielectric_gloss, mean_pane_transmittance, metal_albedo, metal_gloss
+from ...microfacet import (
+    coat_tint,
+    dielectric_albedo,
+    dielectric_gloss,
+    mean_pane_transmittance,
+    metal_albedo,
+    metal_gloss,
+    rough_diffuse_albedo,
+    sheen_albedo,
+)
 from ...scene import MAX_REFLECTANCE, RGB, Gloss, Material
 from ...shading import QUANTITIES, Quantity
 from .nodes import (
@@ -330,7 +339,7 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
         level = max(reader.number(node, "Specular IOR Level", groups), 0.0)
         gloss = dielectric_albedo(roughness, ior, rgb(tint), 2 * level, multiscatter)
         facets = (dielectric_gloss(roughness, ior, rgb(tint), 2 * level),)
-        diffuse = (1 - gloss.max()) * base
+        diffuse = (1 - gloss.max()) * _rough(reader, node, "Diffuse Roughness", base, groups)
         through = diffuse * _thin_share(reader, node, groups)
         shading = Shading(gloss + diffuse, translucence=through, glosses=facets) * (1 - transmission)
         # what goes in and comes out again passes two surfaces, and is coloured once
@@ -347,9 +356,14 @@ def _principled(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadin
         rough, ior = reader.share(node, "Coat Roughness", groups), reader.number(node, "Coat IOR", groups)
         gloss = coat * dielectric_albedo(rough, max(ior, 1.0), multiscatter=False)
         facets = (dielectric_gloss(rough, max(ior, 1.0)),)
-        shading = shading * (1 - gloss) + Shading(gloss, glosses=(Shading(glosses=facets) * coat).glosses)
-        if (reader.color(node, "Coat Tint", groups) < 1).any():
-            reader.warn(f"the coat of {node.name} is taken as clear, without its tint")
+        tinted = 1 - coat + coat * coat_tint(reader.color(node, "Coat Tint", groups), max(ior, 1.0))
+        shading = shading * (tinted * (1 - gloss))
+        shading = shading + Shading(gloss, glosses=(Shading(glosses=facets) * coat).glosses)
+    sheen = reader.share(node, "Sheen Weight", groups)
+    if sheen > 0:
+        white = sheen * sheen_albedo(reader.share(node, "Sheen Roughness", groups))
+        fibres = white * reader.color(node, "Sheen Tint", groups)
+        shading = shading * (1 - min(fibres.max(), 1.0)) + Shading(fibres)
     if transmission > 0:
         reader.warn(f"light passes {node.name} unbent")
     for name, text in LEFT_OUT.items():
@@ -376,7 +390,6 @@ def _thin_share(reader: _Reader, node: bpy.types.Node, groups: Groups) -> float:
 
 
 LEFT_OUT = {
-    "Sheen Weight": "the sheen of {} is ignored",
     "Subsurface Weight": "light that enters {} leaves where it came in: what scatters below the surface is ignored",
     "Thin Film Thickness": "the thin film of {} is ignored",
     "Anisotropic": "the gloss of {} is taken as alike in all directions",
@@ -385,12 +398,24 @@ LEFT_OUT = {
 
 
 def _diffuse(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
-    return Shading(reader.color(node, "Color", groups))
+    return Shading(_rough(reader, node, "Roughness", reader.color(node, "Color", groups), groups))
+
+
+def _rough(reader: _Reader, node: bpy.types.Node, name: str, color: Float64, groups: Groups) -> Float64:
+    """The albedo of a diffuse surface of a colour, whose roughness is an input (of a Principled from 4.3 on)."""
+    roughness = reader.share(node, name, groups) if name in node.inputs else 0.0
+    return rough_diffuse_albedo(color, roughness) if roughness > 0 else color
+
+
+def _sheen(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
+    if node.distribution != "MICROFIBER":
+        return _stand_in(reader, node, groups)
+    return Shading(reader.color(node, "Color", groups) * sheen_albedo(reader.share(node, "Roughness", groups)))
 
 
 def _scattering(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"light that enters {node.name} leaves where it came in: what scatters below the surface is ignored")
-    return _diffuse(reader, node, groups)
+    return Shading(reader.color(node, "Color", groups))
 
 
 def _translucent(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -400,7 +425,7 @@ def _translucent(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shadi
 
 def _stand_in(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"{node.name} is no {node.bl_label}: a diffuse surface of its colour stands in")
-    return _diffuse(reader, node, groups)
+    return Shading(reader.color(node, "Color", groups))
 
 
 def _portal(reader: _Reader, node: bpy.types.Node, groups: Groups) -> Shading:
@@ -463,7 +488,7 @@ READERS: dict[str, Callable[[_Reader, bpy.types.Node, Groups], Shading]] = {
     "BSDF_PRINCIPLED": _principled,
     "BSDF_DIFFUSE": _diffuse,
     "BSDF_TOON": _stand_in,
-    "BSDF_SHEEN": _stand_in,
+    "BSDF_SHEEN": _sheen,
     "BSDF_HAIR": _stand_in,
     "BSDF_HAIR_PRINCIPLED": _stand_in,
     "BSDF_TRANSLUCENT": _translucent,
