@@ -302,6 +302,16 @@ def test_what_is_approximated_is_said_with_the_nodes_name(kind, inputs, text):
     assert text in tree.warnings[0]
 
 
+def test_a_glow_that_depends_on_the_length_of_rays_is_named():
+    tree = Tree()
+    emission = tree.node("Emission")
+    tree.link(tree.node("LightPath"), emission, "Strength", "Ray Length")
+    tree.show(emission)
+    tree.read()
+    (warning,) = tree.warnings
+    assert "length of rays" in warning
+
+
 def test_bumps_and_displacement_are_named_with_the_flat_result():
     tree = Tree()
     diffuse = tree.node("BsdfDiffuse", Color=GREY)

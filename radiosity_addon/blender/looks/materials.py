@@ -40,7 +40,7 @@ from .nodes import (
     known,
     likely,
 )
-from .surface_inputs import tells_sides
+from .surface_inputs import asks_ray_length, tells_sides
 
 BLACK = np.zeros(3)
 WHITE = np.ones(3)
@@ -146,6 +146,8 @@ def read_material(
         shading = Shading(np.array(material.diffuse_color[:3], np.float64))
     else:
         shading, varies = read_varying(tree, warn, side)
+        if asks_ray_length(tree):
+            warn("looks otherwise from near than from afar by the length of rays, which is taken as 0")
     subject = f"Material {material.name!r}"
     emission = _finite(shading.emission, subject, "emission")
     reflectance = _finite(shading.reflectance, subject, "reflectance")

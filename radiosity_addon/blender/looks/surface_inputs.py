@@ -100,6 +100,12 @@ def trees_within(tree: bpy.types.NodeTree) -> Iterator[bpy.types.NodeTree]:
         found.extend(group for group in dict.fromkeys(inner) if group not in found)
 
 
+def asks_ray_length(tree: bpy.types.NodeTree) -> bool:
+    """Whether something in a tree is driven by how far a ray has come."""
+    paths = (node for part in trees_within(tree) for node in part.nodes if node.type == "LIGHT_PATH")
+    return any(node.outputs["Ray Length"].is_linked for node in paths)
+
+
 def _asks_own_space(node: bpy.types.Node) -> bool:
     if node.type == "VECT_TRANSFORM":
         return "OBJECT" in (node.convert_from, node.convert_to)
