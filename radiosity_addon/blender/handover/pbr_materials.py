@@ -18,10 +18,12 @@ import numpy as np
 from ...arrays import Float64
 from ...shading import Quantity
 from ..data.names import BAKE_KEY, PREVIEW_KEY
-from ..looks.materials import DEFAULT_REFLECTANCE, read_varying, rgb, tree_of
+from ..looks.closures import rgb
+from ..looks.materials import read_varying
 from ..looks.node_arithmetic import BLACK, Color
-from ..looks.nodes import Groups, LinkCycle, approximate, follow, known
+from ..looks.nodes import Groups, LinkCycle, approximate, follow, known, tree_of
 from ..looks.preview_nodes import ShaderReader
+from ..looks.shaders import DEFAULT_REFLECTANCE
 
 HELD = ("TEX_IMAGE", "VERTEX_COLOR", "ATTRIBUTE")
 """Nodes that glTF has: pictures and colours of vertices."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Constants out of node trees: where a socket's link really comes from, and what value stands behind it."""
+"""Node trees, and constants out of them: where a socket's link really comes from, and what value stands behind it."""
 
 from __future__ import annotations
 
 import operator
+import warnings
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
@@ -51,6 +52,14 @@ VOLUMES = (
 
 class LinkCycle(Exception):
     """A node tree feeds back into itself."""
+
+
+def tree_of(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:
+    """The node tree in use."""
+    with warnings.catch_warnings():
+        # `use_nodes` goes away in Blender 6, where trees are always on
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return owner.node_tree if getattr(owner, "use_nodes", True) else None
 
 
 def follow(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.NodeSocket, Groups]:

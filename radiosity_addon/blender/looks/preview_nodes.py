@@ -19,9 +19,10 @@ from ...arrays import Float64
 from ...scene import RGB
 from ...shading import Quantity
 from ..data.names import BAKE_KEY, UV_MAP
-from .materials import DEFAULT_REFLECTANCE, READERS, Shading, rgb
+from .closures import Shading, rgb
 from .node_arithmetic import BLACK, NEGLIGIBLE, WHITE, Arithmetic, Color, incoming
 from .nodes import Groups, likely
+from .shaders import DEFAULT_REFLECTANCE, READERS
 
 COLORS = ("Base Color", "Color", "Emission Color")
 LINEAR = (*COLORS, "Emission Strength", "Strength")

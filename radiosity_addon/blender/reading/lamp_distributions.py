@@ -23,7 +23,8 @@ from ...lighting.distributions import flat_octahedron, on_octahedron
 from ...scene import Distribution
 from ..data.blend_files import silence
 from ..data.evaluation import quiet_handlers
-from ..looks.materials import rgb, tree_of
+from ..looks.closures import rgb
+from ..looks.nodes import tree_of
 from ..looks.surface_inputs import trees_within
 from .cycles_shader import AROUND, BAKE_HANDLERS
 from .subject import Subject

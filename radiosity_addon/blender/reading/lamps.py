@@ -16,8 +16,9 @@ import numpy as np
 from ...arrays import Float64
 from ...errors import SceneError
 from ...scene import AreaLight, Light, PointLight, SpotLight, SunLight
-from ..looks.materials import Computed, read_constant, read_tree, rgb, tree_of
-from ..looks.nodes import ANY_PATH
+from ..looks.closures import rgb
+from ..looks.materials import Computed, read_constant, read_tree
+from ..looks.nodes import ANY_PATH, tree_of
 
 Warn = Callable[[str], None]
 

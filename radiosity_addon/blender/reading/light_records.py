@@ -12,7 +12,7 @@ import numpy as np
 from ...arrays import Float64
 from ...radiosity.bounces import ENDLESS
 from ...scene import Light, World
-from ..looks.materials import rgb
+from ..looks.closures import rgb
 from ..looks.nodes import LinkCycle
 from .cycles import Cycles
 from .extraction import Notes

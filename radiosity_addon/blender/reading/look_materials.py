@@ -10,8 +10,7 @@ import bpy
 
 from ...shading import Quantity
 from ..data.names import BAKE_KEY
-from ..looks.materials import tree_of
-from ..looks.nodes import BEHIND, LIGHT_PATH, SEE_ANGLES, SHADOW_PATH, from_all_around
+from ..looks.nodes import BEHIND, LIGHT_PATH, SEE_ANGLES, SHADOW_PATH, from_all_around, tree_of
 from ..looks.preview_nodes import Color, Look, ShaderReader
 from ..looks.surface_inputs import Input, ask_attributes
 

@@ -12,8 +12,8 @@ from ...arrays import Int32
 from ...geometry.sheets import is_sheet
 from ...scene import Material
 from ..data.names import original_material
-from ..looks.materials import read_sides, tree_of
-from ..looks.nodes import LinkCycle, is_only_volume
+from ..looks.materials import read_sides
+from ..looks.nodes import LinkCycle, is_only_volume, tree_of
 from ..looks.surface_inputs import Asking
 from .extraction import Notes, Skip
 

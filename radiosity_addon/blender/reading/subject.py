@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import Float32
 from ...errors import SceneError
 from ..data.blend_files import silence
-from ..looks.materials import tree_of
+from ..looks.nodes import tree_of
 from ..looks.surface_inputs import trees_within
 
 D = TypeVar("D", bound=bpy.types.ID)

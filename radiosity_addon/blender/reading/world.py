@@ -21,8 +21,9 @@ from ...arrays import Float32
 from ...errors import SceneError
 from ...scene import SkyTile, World
 from ..data.evaluation import RENDER_HANDLERS, quiet_handlers, without_render_result
-from ..looks.materials import Computed, read_constant, rgb, tree_of
-from ..looks.nodes import LIGHT_PATH
+from ..looks.closures import rgb
+from ..looks.materials import Computed, read_constant
+from ..looks.nodes import LIGHT_PATH, tree_of
 from .subject import Subject
 
 Warn = Callable[[str], None]

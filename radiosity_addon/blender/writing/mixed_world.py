@@ -6,8 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ..data.names import BAKE_KEY, ORIGINAL_WORLD_KEY
-from ..looks.materials import tree_of
 from ..looks.node_arithmetic import Arithmetic
+from ..looks.nodes import tree_of
 from .light_mix import LightMix
 
 SHINING = ("BACKGROUND", "EMISSION")

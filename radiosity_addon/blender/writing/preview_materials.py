@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import bpy
 
 from ..data.names import BACK_UV_MAP, BAKE_KEY, ORIGINAL_MATERIAL_KEY, PLACE_KEY, PREVIEW_KEY, UV_MAP
-from ..looks.materials import DEFAULT_REFLECTANCE, tree_of
 from ..looks.node_arithmetic import BLACK, WHITE, Color
-from ..looks.nodes import is_only_volume
+from ..looks.nodes import is_only_volume, tree_of
 from ..looks.preview_nodes import Look, ShaderReader
+from ..looks.shaders import DEFAULT_REFLECTANCE
 from ..looks.surface_inputs import OF_STAND_INS, Asking, Input, ask_attributes, property_of
 from .light_mix import LightMix
 from .page_images import light_of
