@@ -29,6 +29,19 @@ BOUNCES = 128
 WHITE, BLACK = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 1.0)
 
 
+def dark_scene() -> Any:
+    """An empty file's scene, without light."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):
+        scene.world.use_nodes = True
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    return scene
+
+
 def probe_mesh(probes: Probes, size: float, shading: np.ndarray | None = None) -> Any:
     """Points as one object in the open scene, and the image that it bakes into.
 

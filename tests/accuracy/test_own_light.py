@@ -19,7 +19,7 @@ from radiosity_addon.bake import bake
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
-from tests.accuracy.cycles_judge import by_cycles
+from tests.accuracy.cycles_judge import by_cycles, dark_scene
 
 PAGE = 128
 SAMPLES = 256
@@ -28,11 +28,7 @@ SAMPLES = 256
 @pytest.fixture
 def tube() -> bpy.types.Object:
     """A ring of 24 x 10 faces, smooth, before a large black wall."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.context.scene.world = world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0):
-        world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    dark_scene()
     bpy.ops.mesh.primitive_torus_add(major_segments=24, minor_segments=10, major_radius=0.3, minor_radius=0.1)
     ring = bpy.context.object
     bpy.ops.object.shade_smooth()

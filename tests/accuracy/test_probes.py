@@ -14,7 +14,7 @@ from mathutils import Vector
 
 from tests.accuracy import probes
 from tests.accuracy.comparison import READING
-from tests.accuracy.cycles_judge import measure
+from tests.accuracy.cycles_judge import dark_scene, measure
 from tests.accuracy.edges import change_beside
 
 SAMPLES = 512
@@ -22,12 +22,7 @@ SAMPLES = 512
 
 @pytest.fixture(autouse=True)
 def floor():
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0):
-        world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
-    bpy.context.scene.world = world
+    dark_scene()
     mesh = bpy.data.meshes.new("Floor")
     mesh.from_pydata([(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)], [], [(0, 1, 2, 3)])
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Floor", mesh))

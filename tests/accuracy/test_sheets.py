@@ -20,7 +20,7 @@ from radiosity_addon.blender.reading.cycles_shader import CyclesShader
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
-from tests.accuracy.cycles_judge import by_cycles
+from tests.accuracy.cycles_judge import by_cycles, dark_scene
 
 PAGE = 96
 SAMPLES = 512
@@ -61,12 +61,7 @@ def test_either_side_of_a_sheet_holds_what_cycles_bakes_and_the_floor_what_comes
     turn: float, texture: bool
 ) -> None:
     """A sheet between a lamp and a floor that it shades wholly. The floor errs by what a gather on small pages does."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0):
-        scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    scene = dark_scene()
     for name, size, height, look in (("Sheet", 2, 1, material("Paper", texture)), ("Floor", 2, 0, material("Grey"))):
         bpy.ops.mesh.primitive_plane_add(size=size, location=(0, 0, height))
         bpy.context.object.name = name

@@ -21,7 +21,7 @@ from radiosity_addon.blender.reading.cycles_shader import CyclesShader
 from radiosity_addon.blender.reading.extract import extract_scene
 from radiosity_addon.chunks import finish
 from radiosity_addon.settings import BakeSettings
-from tests.accuracy.cycles_judge import by_cycles
+from tests.accuracy.cycles_judge import by_cycles, dark_scene
 
 PAGE = 240
 SAMPLES = 48
@@ -56,17 +56,6 @@ def ball() -> bpy.types.Mesh:
     mesh = made.data.copy()
     bpy.data.objects.remove(made)
     return mesh
-
-
-def dark_scene() -> bpy.types.Scene:
-    """An empty scene without light."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0):
-        scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
-    return scene
 
 
 def shine(kind: str, strength: float, place: tuple[float, float, float], turn: tuple[float, float, float]) -> None:

@@ -19,7 +19,7 @@ from ...scene import MAX_REFLECTANCE, Material
 from ...shading import QUANTITIES, Quantity
 from .closures import NOTHING, WHITE, Shading, clear, rgb
 from .nodes import BEHIND, LIGHT_PATH, SHADOW_PATH, Groups, approximate, is_only_volume, likely, tree_of
-from .shaders import DEFAULT_REFLECTANCE, ShaderReader, StandIn, Warn
+from .shaders import DEFAULT_REFLECTANCE, ClosureReader, StandIn, Warn
 from .surface_inputs import asks_ray_length, tells_sides
 
 ALIKE = 1e-3
@@ -110,7 +110,7 @@ def read_tree(tree: bpy.types.NodeTree, warn: Warn) -> Shading:
     Raises:
         LinkCycle: the tree feeds back into itself
     """
-    return _surface(tree, ShaderReader(warn, partial(approximate, warn=warn)))
+    return _surface(tree, ClosureReader(warn, partial(approximate, warn=warn)))
 
 
 class Computed(Exception):
@@ -128,7 +128,7 @@ def read_constant(tree: bpy.types.NodeTree, path: Mapping[str, float] = LIGHT_PA
     def refuse(*_: object) -> Float64:
         raise Computed
 
-    return _surface(tree, ShaderReader(refuse, refuse, path))
+    return _surface(tree, ClosureReader(refuse, refuse, path))
 
 
 def read_varying(
@@ -156,13 +156,13 @@ def _as_rays_meet_it(
     tree: bpy.types.NodeTree, side: Mapping[str, float], stand_in: StandIn, warn: Warn | None = None
 ) -> Shading:
     """What shadow rays are let through, and what others see."""
-    shown = _surface(tree, ShaderReader(warn or _say_nothing, stand_in, {**LIGHT_PATH, **side}))
-    passed = _surface(tree, ShaderReader(_say_nothing, stand_in, {**SHADOW_PATH, **side}))
+    shown = _surface(tree, ClosureReader(warn or _say_nothing, stand_in, {**LIGHT_PATH, **side}))
+    passed = _surface(tree, ClosureReader(_say_nothing, stand_in, {**SHADOW_PATH, **side}))
     through = {"transmittance": passed.transmittance, "refracted": passed.refracted}
     return replace(shown, **through, indirect=shown.transmittance)
 
 
-def _surface(tree: bpy.types.NodeTree, reader: ShaderReader) -> Shading:
+def _surface(tree: bpy.types.NodeTree, reader: ClosureReader) -> Shading:
     output = tree.get_output_node("CYCLES")
     if output is None:
         return NOTHING

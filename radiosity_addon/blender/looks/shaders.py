@@ -37,7 +37,7 @@ LEFT_OUT = {
 """Inputs of a Principled that bring something which has no part in diffuse light, and what is done instead."""
 
 
-class ShaderReader:
+class ClosureReader:
     """Walks a tree from its output; the nodes being read tell a cycle."""
 
     def __init__(self, warn: Warn, stand_in: StandIn, path: Mapping[str, float] = LIGHT_PATH) -> None:
@@ -76,7 +76,7 @@ class ShaderReader:
         return min(max(self.number(node, name, groups), 0.0), 1.0)
 
 
-def _principled(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _principled(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     """Layers from the base up, each dimmed by what the ones above reflect (Cycles' albedo scaling)."""
     base = reader.color(node, "Base Color", groups)
     roughness = reader.share(node, "Roughness", groups)
@@ -126,11 +126,11 @@ def _principled(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> S
     return shading * alpha + clear((1 - alpha) * WHITE)
 
 
-def _is_thin(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> bool:
+def _is_thin(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> bool:
     return "Thin Wall" in node.inputs and reader.share(node, "Thin Wall", groups) > 0.5
 
 
-def _thin_share(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> float:
+def _thin_share(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> float:
     """Share of the diffuse light of a wall without a volume that subsurface scattering lets through, as Cycles has it:
     half of it, more where it scatters forward.
     """
@@ -140,43 +140,43 @@ def _thin_share(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> f
     return reader.share(node, "Subsurface Weight", groups) * (1 + forward) / 2
 
 
-def _diffuse(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _diffuse(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     return Shading(_rough(reader, node, "Roughness", reader.color(node, "Color", groups), groups))
 
 
-def _rough(reader: ShaderReader, node: bpy.types.Node, name: str, color: Float64, groups: Groups) -> Float64:
+def _rough(reader: ClosureReader, node: bpy.types.Node, name: str, color: Float64, groups: Groups) -> Float64:
     """The albedo of a diffuse surface of a colour, whose roughness is an input (of a Principled from 4.3 on)."""
     roughness = reader.share(node, name, groups) if name in node.inputs else 0.0
     return rough_diffuse_albedo(color, roughness) if roughness > 0 else color
 
 
-def _sheen(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _sheen(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     if node.distribution != "MICROFIBER":
         return _stand_in(reader, node, groups)
     return Shading(reader.color(node, "Color", groups) * sheen_albedo(reader.share(node, "Roughness", groups)))
 
 
-def _scattering(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _scattering(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"light that enters {node.name} leaves where it came in: what scatters below the surface is ignored")
     return Shading(reader.color(node, "Color", groups))
 
 
-def _translucent(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _translucent(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     color = reader.color(node, "Color", groups)
     return Shading(color, translucence=color)
 
 
-def _stand_in(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _stand_in(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"{node.name} is no {node.bl_label}: a diffuse surface of its colour stands in")
     return Shading(reader.color(node, "Color", groups))
 
 
-def _portal(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _portal(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"{node.name} leads no light elsewhere: it is black")
     return NOTHING
 
 
-def _glossy(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _glossy(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     color = reader.color(node, "Color", groups)
     roughness = reader.share(node, "Roughness", groups)
     facets = (metal_gloss(roughness, rgb(WHITE)),)
@@ -185,7 +185,7 @@ def _glossy(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shadi
     return Shading(metal_albedo(roughness, rgb(WHITE), multiscatter=False), glosses=facets) * color
 
 
-def _metallic(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _metallic(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     if node.fresnel_type != "F82":
         reader.warn(f"{node.name} is read by its base and edge colours, not by its index of refraction")
     base, edge = (rgb(reader.color(node, name, groups)) for name in ("Base Color", "Edge Tint"))
@@ -194,40 +194,40 @@ def _metallic(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Sha
     return Shading(albedo, glosses=(metal_gloss(roughness, base, edge),))
 
 
-def _glass(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _glass(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"light passes {node.name} unbent")
     return glass(reader.color(node, "Color", groups), reader.number(node, "IOR", groups))
 
 
-def _refraction(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _refraction(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     reader.warn(f"light passes {node.name} unbent")
     return _clear(reader, node, groups)
 
 
-def _clear(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _clear(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     return clear(reader.color(node, "Color", groups))
 
 
-def _black(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _black(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     return NOTHING
 
 
-def _emission(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _emission(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     return Shading(emission=reader.color(node, "Color", groups) * reader.number(node, "Strength", groups))
 
 
-def _mix(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _mix(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     factor = reader.share(node, "Fac" if "Fac" in node.inputs else "Factor", groups)
     first = reader.shading(node, 1, groups) if factor < 1 else NOTHING
     second = reader.shading(node, 2, groups) if factor > 0 else NOTHING
     return first * (1 - factor) + second * factor
 
 
-def _add(reader: ShaderReader, node: bpy.types.Node, groups: Groups) -> Shading:
+def _add(reader: ClosureReader, node: bpy.types.Node, groups: Groups) -> Shading:
     return reader.shading(node, 0, groups) + reader.shading(node, 1, groups)
 
 
-READERS: dict[str, Callable[[ShaderReader, bpy.types.Node, Groups], Shading]] = {
+READERS: dict[str, Callable[[ClosureReader, bpy.types.Node, Groups], Shading]] = {
     "BSDF_PRINCIPLED": _principled,
     "BSDF_DIFFUSE": _diffuse,
     "BSDF_TOON": _stand_in,

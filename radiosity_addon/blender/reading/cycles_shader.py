@@ -17,7 +17,7 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ...arrays import Bools, Float32, Int64
+from ...arrays import Bools, Float32, Float64, Int64
 from ...errors import SceneError
 from ...pages.lightmap import grow
 from ...shading import Layout, Quantity
@@ -186,17 +186,7 @@ class _Studio:
             for index in used:
                 mesh.materials.append(self.materials.of(self.subject.datablocks[str(index)]))
             self.materials.aim(image)
-            thing = bpy.data.objects.new("Radiosity", mesh)
-            thing.matrix_world = matrix.T
-            self.scene.collection.objects.link(thing)
-            layer = self.scene.view_layers[0]
-            layer.update()
-            shown = {"scene": self.scene, "view_layer": layer, "object": thing, "active_object": thing}
-            with silence(), quiet_handlers(BAKE_HANDLERS), bpy.context.temp_override(**shown, selected_objects=[thing]):
-                bpy.ops.object.bake(
-                    "EXEC_DEFAULT", type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0,
-                    uv_layer=LAYOUT_UV, use_clear=False, use_selected_to_active=False, use_split_materials=False,
-                )  # fmt: skip
+            bake_mesh(self.scene, mesh, matrix, type="EMIT", uv_layer=LAYOUT_UV)
             image.pixels.foreach_get(pixels.ravel())
             return pixels
         finally:
@@ -215,3 +205,23 @@ def _set_up(scene: bpy.types.Scene) -> None:
     scene.cycles.device = "CPU"
     scene.cycles.samples, scene.cycles.max_bounces = 1, 0
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = scene.cycles.use_auto_tile = False
+
+
+def bake_mesh(scene: bpy.types.Scene, mesh: bpy.types.Mesh, matrix: Float64, **wanted: object) -> None:
+    """Have Cycles bake a mesh onto its materials' active images, as an object that goes when the mesh does.
+
+    Args:
+        matrix: (4, 4) the object's, in the world
+        wanted: of Blender's operator: type, passes, uv map
+    """
+    thing = bpy.data.objects.new("Radiosity", mesh)
+    thing.matrix_world = matrix.T
+    scene.collection.objects.link(thing)
+    layer = scene.view_layers[0]
+    layer.update()
+    shown = {"scene": scene, "view_layer": layer, "object": thing, "active_object": thing}
+    with silence(), quiet_handlers(BAKE_HANDLERS), bpy.context.temp_override(**shown, selected_objects=[thing]):
+        bpy.ops.object.bake(
+            "EXEC_DEFAULT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0, use_clear=False,
+            use_selected_to_active=False, use_split_materials=False, **wanted,
+        )  # fmt: skip

@@ -21,12 +21,10 @@ from ...arrays import Float32, Float64
 from ...errors import SceneError
 from ...lighting.distributions import flat_octahedron, on_octahedron
 from ...scene import Distribution
-from ..data.blend_files import silence
-from ..data.evaluation import quiet_handlers
 from ..looks.closures import rgb
 from ..looks.nodes import tree_of
 from ..looks.surface_inputs import trees_within
-from .cycles_shader import AROUND, BAKE_HANDLERS
+from .cycles_shader import AROUND, bake_mesh
 from .subject import Subject
 
 SIZE, IMAGE_SIZE = 512, 1024
@@ -278,17 +276,7 @@ class _Studio:
             layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
             mesh.materials.append(self.material)
             self.material.node_tree.nodes.active.image = image
-            thing = bpy.data.objects.new("Radiosity", mesh)
-            self.scene.collection.objects.link(thing)
-            view = self.scene.view_layers[0]
-            view.update()
-            shown = {"scene": self.scene, "view_layer": view, "object": thing, "active_object": thing}
-            with silence(), quiet_handlers(BAKE_HANDLERS), bpy.context.temp_override(**shown, selected_objects=[thing]):
-                bpy.ops.object.bake(
-                    "EXEC_DEFAULT", type="DIFFUSE", pass_filter={"DIRECT"}, target="IMAGE_TEXTURES",
-                    save_mode="INTERNAL", margin=0, use_clear=False, use_selected_to_active=False,
-                    use_split_materials=False,
-                )  # fmt: skip
+            bake_mesh(self.scene, mesh, np.eye(4), type="DIFFUSE", pass_filter={"DIRECT"})
             pixels = np.empty(4 * size * size, np.float32)
             image.pixels.foreach_get(pixels)
             return pixels.reshape(size, size, 4)[:, :, :3] * np.float32(math.pi)
