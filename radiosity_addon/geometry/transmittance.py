@@ -234,7 +234,8 @@ def _asked(
     )
     seen = {} if behind is None else {"behind": True}
     page = shader(layout, meshes, "transmittance", **seen)[0].reshape(-1, 3)
-    shares: Float32 = np.clip(np.nan_to_num(page.T), 0, 1).astype(np.float32)
+    # channels by rows in memory too: a look-up in a row with gaps copies all of it first
+    shares: Float32 = np.ascontiguousarray(np.clip(np.nan_to_num(page.T), 0, 1), np.float32)
     for channel in shares:
         cells.mirror(channel)
     return shares
