@@ -78,9 +78,15 @@ def even_uniform(ids: Int32 | Int64, sample: Int32 | Int64, dimension: int) -> F
     return unit_interval(bits)
 
 
-def even_rows(ids: Int32 | Int64, samples: int, dimension: int) -> Float32:
-    """`even_uniform` of the samples 0 to `samples` - 1 of each id (Q,): (Q, samples), each id hashed once."""
-    return unit_interval(_sobol(dimension)[:samples] ^ hash_bits(ids, dimension)[:, None])
+def even_rows(ids: Int32 | Int64, samples: int, dimension: int, first: Int64 | None = None) -> Float32:
+    """`even_uniform` of so many samples of each id (Q,): (Q, samples), each id hashed once.
+
+    Args:
+        first: (Q,), of the samples; None: 0
+    """
+    table = _sobol(dimension)
+    bits = table[:samples] if first is None else table[first[:, None] + np.arange(samples)]
+    return unit_interval(bits ^ hash_bits(ids, dimension)[:, None])
 
 
 @lru_cache(maxsize=DIMENSIONS)

@@ -42,7 +42,7 @@ class Quality:
     Attributes:
         patch_rays: transport rays of a patch of mean area
         patches: patches aimed at for a page of a million texels
-        gather_rays: final-gather rays of a gather point
+        gather_rays: final-gather rays of a gather point at its first look; noisy ones look again
         gather_spacing: least distance of gather points, in texels, on open surfaces
         gather_points: gather points on open surfaces, at most; nooks get more
         gather_split: gather points get closer while they are farther apart than this share of the scale over

@@ -14,9 +14,10 @@ from radiosity_addon.bake import bake
 from radiosity_addon.chunks import Fractions, finish
 from radiosity_addon.gather import irradiance_fit
 from radiosity_addon.gather.gather_points import GatherPoints, part_at_walls, place_points
-from radiosity_addon.gather.gather_rays import BELOW, GatherRays, RayCounts, Tally
+from radiosity_addon.gather.gather_rays import GatherRays
 from radiosity_addon.gather.irradiance_fit import OVERSHOOT, fit_irradiance
 from radiosity_addon.gather.neighbours import NEIGHBOURS, SAME_FACING, Neighbours, find_neighbours
+from radiosity_addon.gather.tally import BELOW, RayCounts, Tally
 from radiosity_addon.geometry.surfaces import flatten
 from radiosity_addon.geometry.texels import Texels, rasterize
 from radiosity_addon.geometry.visibility import Visibility
@@ -42,6 +43,7 @@ def tally(elements: list[list[int]], weights: list[list[float]], pilots: int) ->
         np.array(weights, np.float32),
         RayCounts(pilots, len(elements[0]) - pilots),
         np.zeros(len(elements), bool),
+        np.zeros((len(elements), len(elements[0])), bool),
     )
 
 
@@ -58,15 +60,16 @@ def test_an_evenly_bright_view_gives_pi_times_its_radiance_whatever_the_weights_
         rng.random((50, 24)).astype(np.float32),
         RayCounts(16, 8),
         np.zeros(50, bool),
+        np.zeros((50, 24), bool),
     )
-    assert finish(rays.sum(summed(table), 1)) == pytest.approx(np.pi * 0.7, rel=1e-5)
+    assert finish(rays.sum(summed(table), 1))[0] == pytest.approx(np.pi * 0.7, rel=1e-5)
 
 
 def test_rays_below_the_horizon_count_as_dark_and_those_that_met_nothing_are_made_up_for() -> None:
     table = np.zeros((2 + 3, 1), np.float32)
     table[:2] = 1  # two bright elements, and the rows of BELOW, NOTHING and SKY
     quarter = [np.pi / 4] * 4
-    seen = finish(tally([[0, 1, BELOW, BELOW], [0, 1, NOTHING, 1]], [quarter, quarter], 4).sum(summed(table), 1))
+    seen, _ = finish(tally([[0, 1, BELOW, BELOW], [0, 1, NOTHING, 1]], [quarter, quarter], 4).sum(summed(table), 1))
     assert seen[0, 0] == pytest.approx(np.pi / 2, rel=1e-5)
     assert seen[1, 0] == pytest.approx(np.pi, rel=1e-5)
 
@@ -78,9 +81,12 @@ def test_a_sum_is_the_same_for_any_number_of_threads() -> None:
         rng.random((3000, 64)).astype(np.float32),
         RayCounts(48, 16),
         np.arange(3000) % 3 > 0,
+        rng.random((3000, 64)) < 0.5,
     )
     table = summed(rng.random((99, 6)).astype(np.float32))
-    assert np.array_equal(finish(rays.sum(table, 1)), finish(rays.sum(table, 2)))
+    (one, one_far), (two, two_far) = (finish(rays.sum(table, workers)) for workers in (1, 2))
+    assert np.array_equal(one, two)
+    assert np.array_equal(one_far.irradiance, two_far.irradiance)
 
 
 def test_what_comes_from_afar_is_told_from_the_rest() -> None:
@@ -91,10 +97,9 @@ def test_what_comes_from_afar_is_told_from_the_rest() -> None:
         np.full((1, 5), np.pi / 4, np.float32),
         RayCounts(4, 1),
         np.zeros(1, bool),
-        far=np.array([[False, True, True, False, True]]),
+        np.array([[False, True, True, False, True]]),
     )
-    total, far = finish(rays.sum_apart(summed(table), 1))
-    assert total == pytest.approx(finish(rays.sum(summed(table), 1)))
+    total, far = finish(rays.sum(summed(table), 1))
     assert total[0] == pytest.approx(np.pi / 4 * np.float32([2 + 8, 4 + 8, 6 + 8]), rel=1e-5)
     missing = (2 / 3 * np.pi - 3 / 4 * np.pi) / 2  # of each pilot that got far; of level (1 + 2 + 3 + 2 * 12) / 3
     dim = 10 / 12
@@ -104,8 +109,8 @@ def test_what_comes_from_afar_is_told_from_the_rest() -> None:
 
 
 def test_no_points_give_no_light() -> None:
-    rays = Tally(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), RayCounts(3, 1), np.zeros(0, bool))
-    assert finish(rays.sum(np.zeros((3, 7), np.float32), 1)).shape == (0, 6)
+    rays = Tally.empty(RayCounts(3, 1), np.zeros(0, bool), tinted=False)
+    assert finish(rays.sum(np.zeros((3, 7), np.float32), 1))[0].shape == (0, 6)
 
 
 def sheet(x: Sequence[float], height: Sequence[float]) -> Texels:

@@ -63,6 +63,7 @@ def test_rows_of_samples_and_directions_are_those_of_each_sample_alone():
     each, number = np.repeat(ids, len(sample)), np.tile(sample, len(ids))
     u, v = (even_rows(ids, len(sample), dimension) for dimension in (0, 1))
     assert np.array_equal(u.reshape(-1), even_uniform(each, number, 0))
+    assert np.array_equal(even_rows(ids, 8, 0, np.full(6, 16)), u[:, 16:])
     alone = cosine_directions(np.repeat(normals(6), len(sample), axis=0), u.reshape(-1), v.reshape(-1))
     assert np.array_equal(cosine_directions(normals(6), u, v).reshape(-1, 3), alone)
 

@@ -67,7 +67,7 @@ def final_gather(
         if known is not None and sheets is not None:
             known = sheets.mix_points(known, points.texel, points.cell)
         table = yield from scaled(light.radiance(number, patches, workers, known, points.cell), low, low)
-        irradiance, far = yield from scaled(tally.sum_apart(table, workers), low, high)
+        irradiance, far = yield from scaled(tally.sum(table, workers), low, high)
         if tally.gleams is not None:
             irradiance += tally.gleams * np.repeat(light.passes[number].reflecting, 3)
         del table

@@ -3,38 +3,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Float16, Float32, Int32, Int64
 from ..chunks import Fractions, in_chunks, scaled
-from ..columns import dots, sums
+from ..columns import dots
 from ..geometry.texels import STRATA, Texels
 from ..geometry.visibility import Hits, Visibility, passing_chance
 from ..lighting.lamp_samples import bent_share
 from ..lighting.sky import cells
 from ..radiosity.illumination import SPECIAL_ROWS
-from ..radiosity.patches import NOTHING, SKY, Patches
+from ..radiosity.patches import SKY, Patches
 from ..sampling import cosine_directions, even_rows
 from ..settings import BakeSettings
-from .far_light import FarLight
 from .gather_points import GatherPoints, cell_keys
 from .gleams import Gleams
-from .guiding import BINS, direction_bins, directions_in, draw_bins, pool, sweep_starts
+from .guiding import BINS, Pools, cut_apart, direction_bins, directions_in, draw_bins, next_starts, pool
+from .second_looks import further_looks, variances
 from .stands import Stands
-
-BELOW = -3
-"""A direction below the horizon: it counts, and brings nothing."""
+from .tally import BELOW, Further, RayCounts, Seen, Tally
 
 RAYS = 1 << 16
 """Rays traced at once."""
-
-FINE_PART = 2
-"""Points close together send one ray of so many: the fit joins the rays of several."""
 
 PILOT_SHARE = 2 / 3
 """Of the rays of a point; they also serve where nothing outshines the rest. It makes them a power of
@@ -44,128 +37,6 @@ POOL_WIDTH = 4.0
 """Pilot rays are pooled over cells this many times as wide as the coarsest cells of gather points."""
 
 JITTER_DIMENSIONS = (4, 5)
-
-
-@dataclass(frozen=True)
-class RayCounts:
-    """Rays of a point: pilots and guided ones. A `fine` point, close to others, sends only part of them."""
-
-    pilots: int
-    guided: int
-
-    def sent(self, fine: bool) -> tuple[int, int]:
-        """Pilots and guided rays of a point."""
-        part = FINE_PART if fine else 1
-        return -(-self.pilots // part), -(-self.guided // part)
-
-    def of(self, rows: NDArray[Any], fine: bool) -> NDArray[Any]:
-        """What was sent of rows (Q, R) that have room for all rays, pilots first: copies."""
-        pilots, guided = self.sent(fine)
-        return np.concatenate([rows[:, :pilots], rows[:, self.pilots : self.pilots + guided]], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class Tally:
-    """What the rays of P points met, and their weights.
-
-    Attributes:
-        elements: (P, R) int32, the element that each ray met, pilots first
-        weights: (P, R) float32: irradiance is the weighted sum of the elements' radiances; a row sums to pi on average
-        counts: of rays in a row
-        fine: (P,) bool, points that sent only part of them
-        tints: (P, R, 3) float16, what colours the light on the way of a ray; None: nothing
-        gleams: (P, C) float32, W/m2, what gloss adds to the irradiance of all elements; None: nothing
-        far: (P, R) bool, rays that met what is far away, or left; None: none of them
-    """
-
-    elements: Int32
-    weights: Float32
-    counts: RayCounts
-    fine: Bools
-    tints: Float16 | None = None
-    gleams: Float32 | None = None
-    far: Bools | None = None
-
-    def sum(self, table: Float32, workers: int) -> Fractions[Float32]:
-        """Irradiance (P, C), W/m2, under radiances `table` (elements, C + 1), the last column the sum of the others."""
-        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
-        yield from self._sum(table, workers, total)
-        return total
-
-    def sum_apart(self, table: Float32, workers: int) -> Fractions[tuple[Float32, FarLight]]:
-        """The same, and how much of it comes from afar."""
-        total: Float32 = np.empty((len(self.elements), table.shape[1] - 1), np.float32)
-        far = FarLight(np.zeros_like(total), np.zeros(len(total), np.float32))
-        yield from self._sum(table, workers, total, far)
-        return total, far
-
-    def _sum(self, table: Float32, workers: int, total: Float32, far: FarLight | None = None) -> Fractions[None]:
-        """Fill `total`, and `far`.
-
-        The weights should add up to pi and do so only on average, and rays that met nothing that takes part are
-        missing. What is missing is taken to be as bright as the dimmer part of the view (a control variate): exact
-        where all is equally bright, harmless where a small window outshines the rest.
-        """
-        for fine in (False, True):
-            rows = np.flatnonzero(self.fine == fine)
-            pilots, guided = self.counts.sent(fine)
-
-            def work(start: int, stop: int, rows: Int64 = rows, fine: bool = fine, pilots: int = pilots) -> None:
-                chosen = rows[start:stop]
-                element: Int32 = self.counts.of(self.elements.take(chosen, axis=0), fine)
-                weight: Float32 = self.counts.of(self.weights.take(chosen, axis=0), fine)
-                met = element != NOTHING
-                weight *= met
-                radiance = table.take(element, axis=0)
-                if self.tints is not None:
-                    colors = radiance[:, :, :-1].reshape(*element.shape, -1, 3)
-                    colors *= self.counts.of(self.tints.take(chosen, axis=0), fine)[:, :, None]
-                    radiance[:, :, :-1] = colors.reshape(*element.shape, -1)
-                    radiance[:, :, -1] = sums(radiance[:, :, :-1])
-                # which rays are dim is decided by all channels and light groups at once, so that groups add up
-                bright = np.ascontiguousarray(radiance[:, :pilots, -1])
-                count = np.maximum(np.count_nonzero(met[:, :pilots], axis=1), 1).astype(np.float32)[:, None]
-                missing = np.float32(np.pi) - weight.sum(1)[:, None]
-                level = bright.sum(1)[:, None] / count
-                np.maximum(bright, np.maximum(level, np.float32(1e-30)), out=bright)
-                dim = np.divide(level, bright, out=bright)
-                weight[:, :pilots] += dim * (missing / count)
-                total[chosen] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
-                if far is not None and self.far is not None:
-                    away = self.counts.of(self.far.take(chosen, axis=0), fine)
-                    number = np.count_nonzero(away[:, :pilots], axis=1)[:, None].astype(np.float32)
-                    open_share = number / count
-                    far.openness[chosen] = open_share[:, 0]
-                    weight *= away & (number > 0)  # guided rays alone do not tell how open the view is
-                    dim *= away[:, :pilots]  # what is missing of the open share, likewise: even light stays even
-                    dim *= (np.float32(np.pi) * open_share - weight.sum(1)[:, None]) / np.maximum(number, 1)
-                    weight[:, :pilots] += dim
-                    far.irradiance[chosen] = np.einsum("pr,prc->pc", weight, radiance)[:, :-1]
-
-            steps = in_chunks(work, len(rows), max(1, RAYS // (pilots + guided)), workers)
-            yield from scaled(steps, 0.5 * fine, 0.5 + 0.5 * fine)
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Gleams that K rays see: of which point and in which column of its row they are, and their light (K, C)."""
-
-    point: Int64
-    column: Int64
-    light: Float32
-
-    @classmethod
-    def joined(cls, parts: Sequence[_Seen]) -> _Seen:
-        point, column, light = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("point", "column", "light")
-        )
-        return cls(point, column, light)
-
-    def irradiance(self, weights: Float32) -> Float32:
-        """What they bring to each of P points: (P, C) float32, by the weights (P, R) of rays."""
-        weight = weights[self.point, self.column].astype(np.float64)
-        columns = [np.bincount(self.point, weight * light, len(weights)) for light in self.light.T]
-        return np.stack(columns, axis=1).astype(np.float32)
 
 
 class GatherRays:
@@ -197,7 +68,7 @@ class GatherRays:
         self._bends = texels.surfaces.bends
         self._tinted = visibility.channels > 1 or self._bends
         self._gleams = gleams
-        self._seen: list[_Seen] = []
+        self._seen: list[Seen] = []
         self._far_from, self._nearest = np.float32(far_from), np.float32(max(near_to, 1e-9))
         self._far: list[Bools] = []
 
@@ -216,15 +87,11 @@ class GatherRays:
 
         stands = yield from scaled(Stands.of(self._texels, chosen, self._workers), 0, 0)
 
-        def trace(first: int, last: int, pilots: int) -> Fractions[list[_Seen | None]]:
-            def work(start: int, stop: int) -> _Seen | None:
+        def trace(first: int, last: int, pilots: int) -> Fractions[list[list[Seen]]]:
+            def work(start: int, stop: int) -> list[Seen]:
                 part = slice(first + start, first + stop)
                 own = stands.only(np.arange(first + start, first + stop))
-                u, v = (even_rows(own.texel, pilots, dimension) for dimension in (0, 1))
-                normals = self._texels.shading_normal.take(own.texel, axis=0)
-                directions = cosine_directions(normals, u, v).reshape(-1, 3)
-                rows, column = np.repeat(np.arange(stop - start), pilots), np.tile(np.arange(pilots), stop - start)
-                element, hits = self._trace(own, rows, column, directions)
+                directions, element, hits, _ = self._send_pilots(own, pilots)
                 if hits.tint is not None:
                     tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
                 far[part, :pilots] = self._is_far(element, hits).reshape(-1, pilots)
@@ -240,7 +107,8 @@ class GatherRays:
                 bright /= np.maximum(bright.sum(1), np.float32(1e-30))[:, None]
                 change = np.maximum(inverse.mean(1), np.einsum("pr,pr->p", bright, inverse))
                 scale[part] = 1 / np.sqrt(np.maximum(change, np.float32(1e-30)))
-                return self._gleaming(element, directions, before + first + start + rows, column)
+                row, column = np.divmod(np.arange(len(element)), pilots)
+                return self._gleaming(element, directions, before + first + start + row, column)
 
             return in_chunks(work, last - first, max(1, RAYS // pilots), self._workers)
 
@@ -248,7 +116,7 @@ class GatherRays:
         share = coarse / max(1, len(chosen))
         seen = yield from scaled(trace(0, coarse, self._counts.sent(False)[0]), 0, share)
         seen += yield from scaled(trace(coarse, len(chosen), self._counts.sent(True)[0]), share, 1)
-        self._seen += [part for part in seen if part is not None]
+        self._seen += [part for parts in seen for part in parts]
         self._stands.append(stands)
         self._elements.append(elements)
         self._bins.append(bins)
@@ -257,12 +125,28 @@ class GatherRays:
         self._far.append(far)
         return scale, nearest, light
 
-    def _gleaming(self, element: Int32, directions: Float32, point: Int64, column: Int64) -> _Seen | None:
-        """What rays (R,) of points (R,) see of suns in gloss."""
+    def _gleaming(self, element: Int32, directions: Float32, point: Int64, column: Int64) -> list[Seen]:
+        """What rays (R,) of points (R,) see of suns in gloss, if there is such."""
         if self._gleams is None:
-            return None
+            return []
         ray, light = self._gleams.seen(element, directions)
-        return _Seen(point[ray], column[ray], light)
+        return [Seen(point[ray], column[ray], light)]
+
+    def _send_pilots(
+        self, stands: Stands, pilots: int, first: Int64 | None = None
+    ) -> tuple[Float32, Int32, Hits, Float32]:
+        """Directions (R, 3), elements (R,) and hits of pilots, and their cosines (Q, pilots).
+
+        Args:
+            first: (Q,), of the samples; None: 0
+        """
+        u, v = (even_rows(stands.texel, pilots, dimension, first) for dimension in (0, 1))
+        normals = self._texels.shading_normal.take(stands.texel, axis=0)
+        directions = cosine_directions(normals, u, v).reshape(-1, 3)
+        count = len(stands.texel)
+        rows, column = np.repeat(np.arange(count), pilots), np.tile(np.arange(pilots), count)
+        element, hits = self._trace(stands, rows, column, directions)
+        return directions, element, hits, np.sqrt(1 - u)
 
     def _is_far(self, element: Int32, hits: Hits) -> Bools:
         """Which rays (R,) get far; those below the horizon do not."""
@@ -307,105 +191,138 @@ class GatherRays:
         return np.repeat(share, 3, axis=1) if tint is None else tint * share
 
     def tally(self, points: GatherPoints, base: float) -> Fractions[Tally]:
-        """Trace the guided rays of all points looked at, and weigh all rays."""
+        """Trace the guided rays of all points looked at, weigh all rays, and look again from the noisiest points."""
         pilots, guided = self._counts.sent(False)
-        elements = np.full((points.count, pilots + guided), BELOW, np.int32)
-        elements[:, :pilots] = np.concatenate(self._elements or [elements[:0, :pilots]])
+        rows = Tally.empty(self._counts, np.concatenate(self._fine or [np.zeros(0, bool)]), self._tinted)
+        rows.elements[:, :pilots] = np.concatenate(self._elements or [rows.elements[:0, :pilots]])
+        if rows.tints is not None:
+            rows.tints[:, :pilots] = np.concatenate([rows.tints[:0, :pilots], *self._tints])
+        rows.far[:, :pilots] = np.concatenate(self._far or [rows.far[:0, :pilots]])
         bins = np.concatenate(self._bins or [np.zeros((0, pilots), np.uint16)])
-        fine = np.concatenate(self._fine or [np.zeros(0, bool)])
-        tints = None
-        if self._tinted:
-            tints = np.ones((*elements.shape, 3), np.float16)
-            tints[:, :pilots] = np.concatenate([tints[:0, :pilots], *self._tints])
         stands = Stands.joined(self._stands or [(yield from Stands.of(self._texels, points.texel, 1))])
-        far = np.zeros(elements.shape, bool)
-        far[:, :pilots] = np.concatenate(self._far or [far[:0, :pilots]])
         self._elements, self._bins, self._fine, self._tints, self._stands, self._far = [], [], [], [], [], []
-        weights = np.zeros(elements.shape, np.float32)
-        width = base * POOL_WIDTH
-        keys = yield from scaled(cell_keys(self._texels, points.texel, width, self._workers), 0, 0)
-        order = np.argsort(keys, kind="stable")
-        begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)])
-        # chunks end with a pool, so that no histogram is needed twice
-        wanted = np.arange(0, points.count, max(1, RAYS // guided))
-        cuts = np.append(begin[np.unique(np.searchsorted(begin, wanted))[:-1]] if len(begin) else begin, points.count)
-        cuts = np.unique(np.concatenate([[0], cuts]))
+        pools = Pools.of((yield from cell_keys(self._texels, points.texel, base * POOL_WIDTH, self._workers)))
+        noise = np.zeros(points.count, np.float32)
+        cuts = cut_apart(pools.size, max(1, RAYS // guided))
 
-        def work(start: int, stop: int) -> list[_Seen]:
-            low, high = int(cuts[start]), int(cuts[stop])
-            gleaming = []
-            mine = order[low:high]
-            pools = np.searchsorted(begin, np.arange(low, high), side="right") - 1
-            rank = np.arange(low, high) - begin[pools]
-            # Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped
-            # to fill would count too little (4 % of the light was missing so).
-            fold = 2 * (pools - pools[0]) + rank % 2
-            begins = sweep_starts(2 * pools + rank % 2, rank // 2)
-            sent = elements.take(mine, axis=0)[:, :pilots].reshape(-1)
-            light = self._bright.take(sent)  # rays not sent met nothing bright
-            into = bins.take(mine, axis=0).reshape(-1).astype(np.int64)
-            density = pool(np.repeat(fold ^ 1, pilots), int(fold.max()) + 2, into, light)
+        def work(start: int, stop: int) -> list[Seen]:
+            mine, fold, begins = pools.members(np.arange(cuts[start], cuts[stop]))
+            density = self._densities(rows.elements, bins, mine, fold)
+            gleaming: list[Seen] = []
             for some in (False, True):
-                here = np.flatnonzero(fine[mine] == some)
-                points_here = mine[here]
-                few, rest = self._counts.sent(some)
-                cosine = np.sqrt(1 - even_rows(points.texel[points_here], few, 0))
-                row = BINS * fold[here, None]
-                seen = density.take(row + bins.take(points_here, axis=0)[:, :few])
-                weights[points_here, :few] = _balance(cosine, seen, few, rest)
+                here = np.flatnonzero(rows.fine[mine] == some)
+                own, (few, rest) = mine[here], self._counts.sent(some)
+                cosine = np.sqrt(1 - even_rows(points.texel[own], few, 0))
+                seen = density.take(BINS * fold[here, None] + bins.take(own, axis=0)[:, :few])
+                rows.weights[own, :few] = _balance(cosine, seen, few, rest)
                 drawn = draw_bins(density, rest, fold[here], begins[here])
-                lit = density.any(1)[fold[here]]
-                element, away, cosine, tint, seen_there = self._guide(stands.only(points_here), drawn, lit)
-                elements[points_here, pilots : pilots + rest] = element
-                far[points_here, pilots : pilots + rest] = away
-                if seen_there is not None:
-                    gleaming.append(
-                        replace(seen_there, point=points_here[seen_there.point], column=seen_there.column + pilots)
-                    )
-                if tints is not None and tint is not None:
-                    tints[points_here, pilots : pilots + rest] = tint
-                seen = density.take(row + drawn)
-                weights[points_here, pilots : pilots + rest] = _balance(cosine, seen, few, rest)
+                gleaming += self._guide(rows, own, stands.only(own), density, fold[here], drawn)
+            noise[mine] = variances(
+                rows.weights.take(mine, axis=0), self._bright.take(rows.elements.take(mine, axis=0))
+            )
             return gleaming
 
-        guided_seen = yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
-        self._seen += [part for parts in guided_seen for part in parts]
-        gleams = _Seen.joined(self._seen).irradiance(weights) if self._seen else None
+        seen = yield from scaled(in_chunks(work, len(cuts) - 1, 1, self._workers), 0, 0.7)
+        first = rows.with_gleams([*self._seen, *(part for parts in seen for part in parts)])
         self._seen = []
-        return Tally(elements, weights, self._counts, fine, tints, gleams, far)
+        looks = yield from scaled(further_looks(noise, self._texels, points, self._workers), 0.7, 0.7)
+        if not looks.any():
+            return first
+        again = yield from scaled(self._look_again(looks, pools, stands, rows.elements, bins), 0.7, 1)
+        return first.followed_by(again)
+
+    def _look_again(
+        self, looks: Int64, pools: Pools, stands: Stands, elements: Int32, bins: NDArray[np.uint16]
+    ) -> Fractions[Further]:
+        """Trace `looks` (P,) further rows of rays from points, by samples that follow those of the first."""
+        pilots, guided = self._counts.sent(False)
+        number = pools.sums(looks)
+        busy = np.flatnonzero(number)
+        point = pools.members(busy)[0]
+        owner = np.repeat(point, looks[point])
+        rows = Tally.empty(self._counts, np.zeros(len(owner), bool), self._tinted)
+        most = max(1, RAYS // (pilots + guided))
+        cuts = cut_apart(number[busy], most)
+        first = np.append(0, np.cumsum(number[busy]))[cuts]
+
+        def work(start: int, stop: int) -> list[Seen]:
+            mine, fold, begins = pools.members(busy[cuts[start] : cuts[stop]])
+            density = self._densities(elements, bins, mine, fold)
+            who = np.repeat(np.arange(len(mine)), looks[mine])
+            look = 1 + np.arange(len(who)) - np.repeat(np.cumsum(looks[mine]) - looks[mine], looks[mine])
+            gleaming: list[Seen] = []
+            for low in range(0, len(who), most):
+                one, nth = who[low : low + most], look[low : low + most]
+                own, half = stands.only(mine[one]), fold[one]
+                at = first[start] + low + np.arange(len(one))
+                directions, element, hits, cosine = self._send_pilots(own, pilots, nth * pilots)
+                rows.elements[at, :pilots] = element.reshape(-1, pilots)
+                rows.far[at, :pilots] = self._is_far(element, hits).reshape(-1, pilots)
+                if rows.tints is not None and hits.tint is not None:
+                    rows.tints[at, :pilots] = hits.tint.reshape(-1, pilots, 3)
+                seen = density.take(BINS * half[:, None] + direction_bins(directions).reshape(-1, pilots))
+                rows.weights[at, :pilots] = _balance(cosine, seen, pilots, guided)
+                row, column = np.divmod(np.arange(len(element)), pilots)
+                gleaming += self._gleaming(element, directions, at[row], column)
+                drawn = draw_bins(density, guided, half, next_starts(begins[one], nth))
+                gleaming += self._guide(rows, at, own, density, half, drawn, nth * guided)
+            return gleaming
+
+        seen = yield from in_chunks(work, len(cuts) - 1, 1, self._workers)
+        return Further(owner, rows.with_gleams([part for parts in seen for part in parts]))
+
+    def _densities(self, elements: Int32, bins: NDArray[np.uint16], mine: Int64, fold: Int64) -> Float32:
+        """Density of each bin, 1/sr, that guides each half of pools with points `mine` (K,) in halves `fold` (K,).
+
+        Each half of a pool is guided by the pilots of the other: a ray weighed by a histogram that it helped to fill
+        would count too little (4 % of the light was missing so).
+        """
+        pilots = bins.shape[1]
+        light = self._bright.take(elements.take(mine, axis=0)[:, :pilots].reshape(-1))  # what is not sent meets nothing
+        into = bins.take(mine, axis=0).reshape(-1).astype(np.int64)
+        return pool(np.repeat(fold ^ 1, pilots), int(fold.max()) + 2, into, light)
 
     def _guide(
-        self, stands: Stands, drawn: Int64, lit: Bools
-    ) -> tuple[Int32, Bools, Float32, Float32 | None, _Seen | None]:
-        """Elements, which are far, cosines and tints, (Q, guided), of rays into bins `drawn` (Q, guided).
-
-        And the gleams that they see. The cosine is 0 for those not sent.
+        self,
+        rows: Tally,
+        at: Int64,
+        stands: Stands,
+        density: Float32,
+        fold: Int64,
+        drawn: Int64,
+        first: Int64 | None = None,
+    ) -> list[Seen]:
+        """Send rays into bins `drawn` (Q, guided), and put what they meet into rows `at` (Q,); returns gleams seen.
 
         Args:
-            lit: (Q,) bool, points whose bins were drawn from light; no others send rays
+            density: what guides, its rows by `fold` (Q,); points whose row is dark send no rays
+            first: (Q,), of the samples; None: 0
         """
         count, guided = drawn.shape
-        u, v = (even_rows(stands.texel, guided, dimension).reshape(-1) for dimension in JITTER_DIMENSIONS)
+        pilots = self._counts.sent(False)[0]
+        few, _ = self._counts.sent(bool(len(at)) and bool(rows.fine[at[0]]))
+        u, v = (even_rows(stands.texel, guided, dimension, first).reshape(-1) for dimension in JITTER_DIMENSIONS)
         directions = directions_in(drawn.reshape(-1), u, v)
         normals = self._texels.shading_normal.take(stands.texel, axis=0)
         cosine = np.einsum("qsx,qx->qs", directions.reshape(*drawn.shape, 3), normals).reshape(-1)
-        cosine *= np.repeat(lit, guided)
+        cosine *= np.repeat(density.any(1)[fold], guided)
         np.maximum(cosine, 0, out=cosine)
         sent = np.flatnonzero(cosine)
         element = np.full(count * guided, BELOW, np.int32)
         ways = directions.take(sent, axis=0)
         row, sample = np.divmod(sent, guided)
         element[sent], hits = self._trace(stands, row, sample, ways)
+        rows.elements[at, pilots : pilots + guided] = element.reshape(drawn.shape)
         far = np.zeros(len(element), bool)
         far[sent] = self._is_far(element[sent], hits)
-        gleaming = self._gleaming(element[sent], ways, row, sample)
-        tint = None
-        if hits.tint is not None:
+        rows.far[at, pilots : pilots + guided] = far.reshape(drawn.shape)
+        seen = density.take(BINS * fold[:, None] + drawn)
+        rows.weights[at, pilots : pilots + guided] = _balance(cosine.reshape(drawn.shape), seen, few, guided)
+        if rows.tints is not None and hits.tint is not None:
             tint = np.ones((count * guided, 3), np.float32)
             tint[sent] = hits.tint
-            tint = tint.reshape(*drawn.shape, 3)
-        shape = drawn.shape
-        return element.reshape(shape), far.reshape(shape), cosine.reshape(shape), tint, gleaming
+            rows.tints[at, pilots : pilots + guided] = tint.reshape(*drawn.shape, 3)
+        return self._gleaming(element[sent], ways, at[row], sample + pilots)
 
 
 def _balance(cosine: Float32, density: Float32, pilots: int, guided: int) -> Float32:

@@ -8,6 +8,8 @@ by the balance heuristic (Veach and Guibas 1995, equation 9 with exponent 1).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..arrays import Float32, Float64, Int64
@@ -23,6 +25,8 @@ BIN_DENSITY = BINS / (4 * np.pi)
 
 START_DIMENSION = 11
 GOLDEN = (np.sqrt(5) - 1) / 2
+PLASTIC = 0.7548776662466927
+"""Inverse of the root of x^3 = x + 1: its multiples keep away from those of the golden section."""
 
 SPREAD = 0.15
 """Share of each bin's light given to its neighbours: the next point sees the same window from a little aside."""
@@ -49,6 +53,52 @@ def pool(groups: Int64, count: int, bins: Int64, light: Float32) -> Float32:
     return (flat / np.where(total > 0, total, 1) * BIN_DENSITY).astype(np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class Pools:
+    """Points that share their pilots, in two halves that guide each other.
+
+    Attributes:
+        order: (P,) int64, points, pool after pool
+        begin: (N + 1,) int64, where pools begin among them, and the end
+    """
+
+    order: Int64
+    begin: Int64
+
+    @classmethod
+    def of(cls, keys: Int64) -> Pools:
+        """Of points with equal keys (P,)."""
+        order = np.argsort(keys, kind="stable")
+        begin = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)])
+        return cls(order, np.append(begin, len(keys)))
+
+    @property
+    def size(self) -> Int64:
+        """(N,) int64, points in each."""
+        return np.asarray(np.diff(self.begin), np.int64)
+
+    def sums(self, values: Int64) -> Int64:
+        """Sums (N,) of values (P,) over the points of each."""
+        return np.asarray(np.diff(np.append(0, np.cumsum(values[self.order]))[self.begin]), np.int64)
+
+    def members(self, some: Int64) -> tuple[Int64, Int64, Float64]:
+        """Points (K,) of some pools (M,), in which of their 2 M halves they are, and where their sweeps start."""
+        size = self.size[some]
+        place = np.repeat(np.arange(len(some)), size)
+        rank = np.arange(len(place)) - np.repeat(np.cumsum(size) - size, size)
+        half = rank % 2
+        starts = sweep_starts(2 * some[place] + half, rank // 2)
+        return self.order[self.begin[some][place] + rank], 2 * place + half, starts
+
+
+def cut_apart(size: Int64, most: int) -> Int64:
+    """Pools at which chunks begin, and N: of about `most` points, where pools hold `size` (N,), or one larger pool."""
+    before = np.cumsum(size) - size
+    wanted = np.arange(0, int(size.sum()), most)
+    inner = np.unique(np.searchsorted(before, wanted))[:-1]
+    return np.asarray(np.unique(np.concatenate([[0], inner, [len(size)]])), np.int64)
+
+
 def sweep_starts(group: Int64, rank: Int64) -> Float64:
     """Where between two samples the sweeps (Q,) begin of points of this rank in their groups (Q,).
 
@@ -56,6 +106,11 @@ def sweep_starts(group: Int64, rank: Int64) -> Float64:
     while those of equal draws would stay.
     """
     return np.asarray((hash_uniform(group, START_DIMENSION) + rank * GOLDEN) % 1, np.float64)
+
+
+def next_starts(begin: Float64, look: Int64) -> Float64:
+    """Where sweeps (Q,) begin of points that look again for the first, second ... time (Q,)."""
+    return np.asarray((begin + look * PLASTIC) % 1, np.float64)
 
 
 def draw_bins(density: Float32, samples: int, row: Int64, begin: Float64) -> Int64:
