@@ -202,7 +202,7 @@ class GatherRays:
         stands = Stands.joined(self._stands or [(yield from Stands.of(self._texels, points.texel, 1))])
         self._elements, self._bins, self._fine, self._tints, self._stands, self._far = [], [], [], [], [], []
         pools = Pools.of((yield from cell_keys(self._texels, points.texel, base * POOL_WIDTH, self._workers)))
-        noise = np.zeros(points.count, np.float32)
+        noise = np.zeros(points.count)
         cuts = cut_apart(pools.size, max(1, RAYS // guided))
 
         def work(start: int, stop: int) -> list[Seen]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Float32, Int64
+from ..arrays import Float32, Float64, Int64
 from ..chunks import Fractions
 from ..geometry.texels import Texels
 from .gather_points import GatherPoints, cell_keys
@@ -30,14 +30,15 @@ GROUP_WIDTH = 4.0
 """Variances are shared within cells this many times as wide as those of points."""
 
 
-def variances(weights: Float32, radiance: Float32) -> Float32:
+def variances(weights: Float32, radiance: Float32) -> Float64:
     """Variance (Q,) of each sum of weighted radiances, both (Q, R), as if its rays were independent."""
     light = weights * radiance
-    total = light.sum(1)
-    return np.asarray(np.einsum("qr,qr->q", light, light) - total * total / np.float32(light.shape[1]), np.float32)
+    total = light.sum(1, dtype=np.float64)  # the square of a light that float32 holds may be more than it holds
+    found: Float64 = np.einsum("qr,qr->q", light, light, dtype=np.float64) - total * total / light.shape[1]
+    return found
 
 
-def further_looks(variance: Float32, texels: Texels, points: GatherPoints, workers: int) -> Fractions[Int64]:
+def further_looks(variance: Float64, texels: Texels, points: GatherPoints, workers: int) -> Fractions[Int64]:
     """How often each point looks again (P,), by the variances (P,) of the first looks of others."""
     half = yield from _halves(texels, points, workers)
     count = int(half.max(initial=0)) + 2
