@@ -124,6 +124,14 @@ def hidden(
         side: 1 for fronts, -1 for backs
         steep: how many times higher than over an arc the surface may rise between them
     """
+    start, span = _sight(texels, here, there, steep, side, most)
+    return np.asarray(visibility.occluded(start, span) & (here != there))
+
+
+def _sight(
+    texels: Texels, here: Ids, there: Ids, steep: float, side: int = 1, most: Float32 | None = None
+) -> tuple[Float32, Float32]:
+    """Where the rays of `hidden` start, and the ways that they go, (R, 3) each, m."""
     normal, other = (texels.shading_normal.take(ids, axis=0) for ids in (here, there))
     start, span = (texels.position.take(ids, axis=0) for ids in (here, there))
     span -= start
@@ -136,7 +144,20 @@ def hidden(
     other -= normal
     other *= up
     span += other
-    return np.asarray(visibility.occluded(start, span) & (here != there))
+    return start, span
+
+
+def _meets_itself(texels: Texels, here: Ids, there: Ids, visibility: Visibility) -> Bools:
+    """(R,) bool, what hides texels `there` from those `here` is the edge between faces that they lie on, no wall."""
+    surfaces = texels.surfaces
+    hits = visibility.first_hit(*_sight(texels, here, there, CREASED))
+    met = np.maximum(hits.triangle, 0)
+    own = hits.triangle >= 0
+    for ids in (here, there):
+        triangle = texels.triangle[ids]
+        own &= surfaces.component[triangle] == surfaces.component[met]
+        own &= dots(surfaces.normals(triangle), surfaces.normals(met)) > BENT
+    return np.asarray(own)
 
 
 def find_walls(texels: Texels, visibility: Visibility, workers: int) -> Fractions[Walls]:
@@ -193,6 +214,7 @@ def _parted_steps(texels: Texels, order: Int32, stride: int, visibility: Visibil
             single[np.minimum(first[blocked] + step, last[blocked] - 1)] = True
         asked = np.flatnonzero(single)
         asked = asked[hidden(texels, here[asked], there[asked], visibility, CREASED)]
+        asked = asked[~_meets_itself(texels, here[asked], there[asked], visibility)]
         return np.concatenate([here[asked], there[asked]])
 
     parts = yield from in_chunks(work, max(0, len(order) - 1), CHUNK, workers)
