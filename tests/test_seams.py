@@ -126,6 +126,17 @@ def test_only_texels_along_cuts_change_and_those_little():
     assert change.max() < 0.2
 
 
+def test_texels_that_the_chart_covers_hardly_change():
+    """Those across the edge, which only the seam's filter reads, take what closes it."""
+    texels = tube(3)
+    pages, known = lit(texels, 0.02)
+    closed = pages.copy()
+    close_seams(closed, known, texels)
+    change = np.abs(closed - pages)[texels.pixel].max(1)
+    whole = texels.covered == 15
+    assert change[whole].max() < 0.1 * change[~whole].max()
+
+
 def test_sharp_edges_are_left_as_they_are():
     scene = Scene((cylinder(smooth=False),), (Material("Grey"),))
     atlas = cut_in_charts(3)

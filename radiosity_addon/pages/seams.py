@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Bools, Float32, Float64, Int64
 from ..geometry.surfaces import Surfaces
-from ..geometry.texels import Texels
+from ..geometry.texels import STRATA, Texels
 
 SMOOTH = 0.97
 """Least cosine between the shading normals of both sides: a sharper edge is meant to show."""
@@ -24,6 +24,10 @@ SAMPLES_A_TEXEL = 1.5
 
 KEEP = 0.005
 """Weight of leaving texels as they are, against 1 for each comparison."""
+
+KEEP_COVERED = 0.5
+"""The same of texels that the chart covers whole. What is read far from the seam hangs on them; the others, across the
+edge, can take the change alone."""
 
 ITERATIONS = 10
 """Steps of the conjugate gradients: seams are short-ranged, so few suffice."""
@@ -35,11 +39,13 @@ class _Comparison:
 
     Attributes:
         pixel: (K,) int64, the pixels that take part
+        keep: (K,) float64, weight of leaving each as it is
         column: (8, S) int64, into `pixel`
         weight: (8, S) float64
     """
 
     pixel: Int64
+    keep: Float64
     column: Int64
     weight: Float64
 
@@ -78,7 +84,7 @@ def close_seams(pages: Float32, known: Bools, texels: Texels) -> None:
     direction = residual.copy()
     power = (residual**2).sum(1)
     for _ in range(ITERATIONS):
-        applied = compared.normal_product(direction) + KEEP * direction
+        applied = compared.normal_product(direction) + compared.keep * direction
         step = power / np.maximum((direction * applied).sum(1), 1e-30)
         change += step[:, None] * direction
         residual -= step[:, None] * applied
@@ -121,7 +127,9 @@ def _compare(texels: Texels, known: Bools) -> _Comparison | None:
     pixel = np.flatnonzero(used)
     number = np.empty(len(known), np.int32)
     number[pixel] = np.arange(len(pixel), dtype=np.int32)
-    return _Comparison(pixel, number[table].astype(np.int64), weight)
+    texel = texels.texel_at[pixel]
+    whole = (texel >= 0) & (texels.covered.take(texel) == (1 << STRATA) - 1)
+    return _Comparison(pixel, np.where(whole, KEEP_COVERED, KEEP), number[table].astype(np.int64), weight)
 
 
 _Sides = tuple[tuple[Float64, Int64], tuple[Float64, Int64]]
