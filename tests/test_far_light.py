@@ -14,7 +14,7 @@ from radiosity_addon.gather.irradiance_fit import shares_at_points
 from radiosity_addon.gather.neighbours import Neighbours, find_neighbours
 from radiosity_addon.geometry.texels import Texels
 from radiosity_addon.geometry.visibility import Visibility
-from tests.test_gather import NEAR, Blind, far, floor
+from tests.gathering import NEAR, Blind, far, floor
 
 
 @pytest.fixture(scope="module")

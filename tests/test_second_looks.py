@@ -10,26 +10,13 @@ from radiosity_addon.arrays import Float32
 from radiosity_addon.chunks import finish
 from radiosity_addon.gather import second_looks
 from radiosity_addon.gather.gather_points import GatherPoints, place_points
-from radiosity_addon.gather.gather_rays import GatherRays
 from radiosity_addon.gather.second_looks import further_looks, variances
 from radiosity_addon.gather.tally import FINE_PART, Further, RayCounts, Tally
-from radiosity_addon.geometry.surfaces import flatten
-from radiosity_addon.geometry.texels import Texels, rasterize
-from radiosity_addon.geometry.visibility import Visibility
-from radiosity_addon.geometry.walls import find_walls
+from radiosity_addon.geometry.texels import Texels
 from radiosity_addon.lighting.polygons import parallelogram, polygon_light
-from radiosity_addon.radiosity.illumination import SPECIAL_ROWS
-from radiosity_addon.radiosity.patches import group_patches
-from radiosity_addon.scene import Material, Mesh, Scene
 from radiosity_addon.settings import BakeSettings
-from tests.shapes import cell_atlas, mesh_of, quad
-
-
-def floor(*more: Mesh, size: int = 64) -> Texels:
-    """A floor of 4 x 4 m in z = 0, facing up."""
-    ground = mesh_of("Floor", [quad((0, 0, 0), (4, 0, 0), (0, 4, 0))], [0])
-    scene = Scene((ground, *more), (Material("Grey"),))
-    return finish(rasterize(cell_atlas(scene, size), flatten(scene), 1))
+from tests.gathering import floor, rays_of
+from tests.shapes import mesh_of, quad
 
 
 def grid(texels: Texels) -> GatherPoints:
@@ -105,14 +92,9 @@ def gathered(workers: int = 1) -> tuple[Float32, Float32]:
     """Irradiance over pi at points of a floor under a shining square of 0.3 m, 0.25 m above; and its closed form."""
     board = mesh_of("Board", [quad((1.85, 1.85, 0.25), (0, 0.3, 0), (0.3, 0, 0))], [0])
     texels = floor(board, size=256)
-    visibility = Visibility(texels.surfaces.corners)
-    walls = finish(find_walls(texels, visibility, 1))
-    grey, solid = np.zeros((texels.count, 3), np.float32), np.ones(texels.surfaces.count, bool)
-    patches = group_patches(texels, walls, grey, grey, solid, 500, visibility)
-    bright = np.zeros(texels.count + patches.count + SPECIAL_ROWS, np.float32)
-    bright[: texels.count] = texels.position[:, 2] > 0.1 - texels.surfaces.origin[2]
-    rays = GatherRays(texels, patches, visibility, BakeSettings(threads=workers), bright)
-    lit = texels.valid & (bright[: texels.count] == 0)
+    shining = texels.position[:, 2] > 0.1 - texels.surfaces.origin[2]
+    rays, bright = rays_of(texels, shining, settings=BakeSettings(threads=workers))
+    lit = texels.valid & ~shining
     points = finish(place_points(texels, lit, 0.25, 0.35, 0.07, rays))
     found = finish(finish(rays.tally(points, 0.25)).sum(np.stack([bright, bright], axis=1), workers))[0][:, 0]
     square = parallelogram(np.array([1.85, 1.85, 0.25]), np.array([0, 0.3, 0]), np.array([0.3, 0, 0]))

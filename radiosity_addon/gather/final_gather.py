@@ -77,6 +77,6 @@ def final_gather(
     neighbours = yield from scaled(find_neighbours(texels, points, visibility, workers), 0.7, 0.8)
     smoothing = smooth_far_light(irradiance, far, texels, points, neighbours, workers)
     irradiance = yield from scaled(smoothing, 0.8, 0.8)
-    fitted = yield from scaled(fit_irradiance(texels, points, neighbours, irradiance, visibility, workers), 0.8, 1.0)
-    fitted = fitted.reshape(texels.count, -1, 3)
+    fitting = fit_irradiance(texels, points, neighbours, irradiance, visibility, texel_width, workers)
+    fitted = (yield from scaled(fitting, 0.8, 1.0)).reshape(texels.count, -1, 3)
     return fitted if sheets is None else sheets.mix(fitted)

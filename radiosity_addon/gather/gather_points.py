@@ -31,21 +31,19 @@ LEVELS = 7
 FINE_LEVEL = 2
 """From this level on points are close together, share their rays through the fit, and get fewer each."""
 
-SPLIT_BEND = 0.02
-"""A cell is split while its normals' mean is shorter than 1 by more than this: about 23 degrees across."""
+SPLIT_BEND = 0.0025
+"""A cell is split while its normals' mean is shorter than 1 by more than this: about 8 degrees across. The narrowest
+cells that are bent as much are folds."""
 
 FINEST = 2.6
 """The narrowest cells are so many texels wide. They are halved once more in folds: where they are bent, or lie on a
 surface that is and are still wide against what they see."""
 
-NOOK = 1.0
-"""Or so is one that is wider than this share of that scale: between books, under a cushion."""
+NOOK = 0.5
+"""Or so is one that is wider than this share of that scale: between books, under a cushion, along a skirting board."""
 
 RESOLVED = 2.0
 """What is nearer than so many texels counts as being so far: pages can't show how light changes there."""
-
-FOLDED = 0.005
-"""The narrowest cells are bent if their normals' mean is shorter than 1 by more than this: about 12 degrees across."""
 
 SMALLEST = 5
 """Cells of no more texels than this are not split, unless they are folded: each flank has light of its own."""
@@ -67,6 +65,9 @@ THINNEST = 0.75
 
 CROWDED = 0.75
 """A cell is crowded if another surface comes nearer than this many of its widths."""
+
+FILLED = 1.5
+"""A cell is halved while it is wider than twice this many times the edge of the square that its texels would fill."""
 
 BLOCK = 1 << 15
 """Texels whose cells are found in one go: 1 MB of places and normals."""
@@ -174,9 +175,8 @@ def place_points(
         width = base / 2**level
         finest = width < 1.5 * FINEST * texel_width
         last = width < 0.75 * FINEST * texel_width
-        bend = FOLDED if finest else SPLIT_BEND
         thickness = max(LAYER * width, THINNEST * texel_width)
-        finding = _cells(texels, open_texels, width, thickness, bend, workers)
+        finding = _cells(texels, open_texels, width, thickness, workers)
         cells = yield from scaled(finding, level / LEVELS, level / LEVELS)
         members, begin, size = cells.members, cells.begin, cells.size
         point = np.maximum.reduceat(at_texel[members], begin)
@@ -213,7 +213,10 @@ def place_points(
 def part_at_walls(
     points: GatherPoints, texels: Texels, walls: Walls, eyes: Eyes, visibility: Visibility, workers: int
 ) -> Fractions[GatherPoints]:
-    """Give the texels of each cell that its point can't see a point of their own."""
+    """Give the texels of each cell that its point can't see a point of their own.
+
+    Cells of which little is left, between layers or walls, become as narrow, so that the fit looks no farther.
+    """
     first = np.append(points.crowded, False)[points.cell]  # folds part cells as walls do
     first |= walls.border
     parting = part_cells(points.cell, points.texel, first, texels, visibility, workers)
@@ -221,7 +224,12 @@ def part_at_walls(
     new = seat[points.count :]
     width = points.width[points.cell[new]]
     _, nearest, _ = yield from scaled(eyes.look(new, np.ones(len(new), bool)), 0.5, 1)
-    return GatherPoints(seat, np.concatenate([points.width, width]), np.concatenate([points.nearest, nearest]), cell)
+    widths = np.concatenate([points.width, width])
+    inside = numbers_of(cell >= 0)
+    area = np.bincount(cell[inside], texels.area[inside], len(seat))
+    halvings = np.log2(widths / np.sqrt(np.maximum(area, 1e-30)) / FILLED)
+    widths *= np.float32(0.5) ** np.clip(np.floor(halvings), 0, LEVELS).astype(np.float32)
+    return GatherPoints(seat, widths, np.concatenate([points.nearest, nearest]), cell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,9 +242,7 @@ class _Cells:
     bent: Bools
 
 
-def _cells(
-    texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, bend: float, workers: int
-) -> Fractions[_Cells]:
+def _cells(texels: Texels, chosen: Int32 | Int64, width: float, thickness: float, workers: int) -> Fractions[_Cells]:
     keys = yield from scaled(cell_keys(texels, chosen, width, workers), 0, 0.5)
     members, begin, size = _grouped(chosen, keys)
     del keys
@@ -246,7 +252,7 @@ def _cells(
     def work(start: int, stop: int) -> _Cells:
         first, last = cuts[start], cuts[stop]
         own = slice(int(begin[first]), int(ends[last - 1]))
-        return _layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness, bend)
+        return _layers(texels, members[own], begin[first:last] - own.start, size[first:last], thickness)
 
     parts = yield from scaled(in_chunks(work, len(cuts) - 1, 1, workers), 0.5, 1)
     if not parts:
@@ -255,7 +261,7 @@ def _cells(
     return _Cells(np.concatenate([part.members for part in parts]), np.cumsum(size) - size, size, bent)
 
 
-def _layers(texels: Texels, members: Int32 | Int64, begin: Int64, size: Int64, thickness: float, bend: float) -> _Cells:
+def _layers(texels: Texels, members: Int32 | Int64, begin: Int64, size: Int64, thickness: float) -> _Cells:
     """Cells as they are given, or parted where they have more than one layer."""
     owner = np.repeat(np.arange(len(begin)), size)
     share = (1 / size[:, None]).astype(np.float32)
@@ -268,7 +274,7 @@ def _layers(texels: Texels, members: Int32 | Int64, begin: Int64, size: Int64, t
         members, begin, size = _grouped(members, mixed_radix(owner, layer))
         share = (1 / size[:, None]).astype(np.float32)
         normal = np.add.reduceat(texels.shading_normal.take(members, axis=0), begin, axis=0) * share
-    return _Cells(members, begin, size, np.sqrt(dots(normal, normal)) < 1 - bend)
+    return _Cells(members, begin, size, np.sqrt(dots(normal, normal)) < 1 - SPLIT_BEND)
 
 
 def _grouped(chosen: Int32 | Int64, keys: Int64) -> tuple[Int32 | Int64, Int64, Int64]:

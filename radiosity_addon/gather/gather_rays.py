@@ -95,10 +95,12 @@ class GatherRays:
                 if hits.tint is not None:
                     tints[part, :pilots] = hits.tint.reshape(-1, pilots, 3)
                 far[part, :pilots] = self._is_far(element, hits).reshape(-1, pilots)
-                inverse = 1 / np.maximum(hits.distance, np.float32(1e-9)).reshape(-1, pilots)
+                inverse = 1 / np.maximum(hits.distance, np.float32(1e-9))
+                inverse[element == BELOW] = 0  # its own surface is nothing that it sees
+                inverse = inverse.reshape(-1, pilots)
                 elements[part, :pilots] = element.reshape(-1, pilots)
                 bins[part, :pilots] = direction_bins(directions).reshape(-1, pilots)
-                nearest[part] = 1 / inverse.max(1)
+                nearest[part] = 1 / np.maximum(inverse.max(1), np.float32(1e-30))
                 np.minimum(inverse, 1 / self._nearest, out=inverse)
                 inverse *= inverse
                 bright = self._bright.take(element).reshape(-1, pilots)

@@ -31,6 +31,14 @@ ENOUGH = 6
 ROOM = 1.5
 """Where fewer are known the reach is so many times the distance of the farthest."""
 
+VALID = 2.0
+"""A point counts a quarter where it is farther than the next one, in squares, by so many times the distance of the
+nearest surface that it sees (after the validity radius of Ward, Rubinstein and Clear 1988): what lies in a gap tells
+little of what lies beside it."""
+
+GAP = 0.5
+"""A gap is as wide as this many texels, at least."""
+
 TEXELS = 1 << 12
 """Texels fitted in one go: their arrays, 0.3 MB each, stay in cache."""
 
@@ -46,14 +54,19 @@ def fit_irradiance(
     neighbours: Neighbours,
     irradiance: Float32,
     visibility: Visibility,
+    texel_width: float,
     workers: int,
 ) -> Fractions[Float32]:
     """Irradiance (T, C) at every texel from that at the points (P, C); 0 where there is none.
 
     In the tangent plane of each cell the points' values are fitted, for each texel anew, by a plane with weights
-    (1 - d^2 / r^2)^2 (compact support, so no step shows where a point comes in); the plane's value at the texel is
-    taken.
+    (1 - d^2 / r^2)^2 (compact support, so no step shows where a point comes in), less for points in gaps; the plane's
+    value at the texel is taken.
+
+    Args:
+        texel_width: m, of most texels
     """
+    narrow = np.square(np.float32(1 / VALID) / np.maximum(points.nearest, np.float32(GAP * texel_width)))
     taking = numbers_of(points.cell >= 0)
     rank = np.empty(points.count, np.int32)  # columns of one chunk are about equally long
     rank[np.argsort(neighbours.count, kind="stable")] = np.arange(points.count, dtype=np.int32)
@@ -68,6 +81,7 @@ def fit_irradiance(
         plane = _Plane(cells, texels, points, neighbours)
         x, y = plane.project(texels.position.take(texel, axis=0), row)
         weight, reach = _weights(x, y, plane.width.take(row, axis=1), REACH)
+        weight *= _validity(x, y, narrow.take(plane.point).take(row, axis=1))
         crowded = np.flatnonzero(neighbours.crowded[cells][row])
         if len(crowded):
             clear = np.minimum(neighbours.clear[cells], neighbours.clear.take(plane.point))
@@ -193,6 +207,18 @@ def _weights(x: Float32, y: Float32, width: Float32, widths: float) -> tuple[Flo
     np.maximum(weight, 0, out=weight)
     weight *= weight
     return weight, reach
+
+
+def _validity(x: Float32, y: Float32, narrow: Float32) -> Float32:
+    """Shares (K, T) that points at offsets x, y keep of their weights, the next one all; `narrow`, 1/m2, tells gaps."""
+    share: Float32 = x * x
+    share += y * y
+    share -= share.min(0)
+    with np.errstate(over="ignore"):  # what lies nowhere
+        share *= narrow
+        share += 1
+        share *= share
+    return np.divide(1, share, out=share)
 
 
 def _reach_of_enough(squared: Float32) -> Float32:
