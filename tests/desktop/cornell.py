@@ -33,5 +33,11 @@ def copied(folder: Path) -> Path:
 
 def unbaked(window: Window, name: str) -> np.ndarray:
     """What the 3D view shows before any bake, kept as a picture of that name."""
-    window.until(lambda: red(window.picture()) > RED_WALL, "the red wall is seen")
-    return window.view(name)
+    seen: list[np.ndarray] = []
+
+    def red_and_still() -> bool:
+        seen.append(window.view(name))  # also stands still while shaders are compiled, all of it grey
+        return red(seen[-1]) > RED_WALL
+
+    window.until(red_and_still, "the red wall is seen")
+    return seen[-1]

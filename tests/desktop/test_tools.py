@@ -69,7 +69,12 @@ def baked(window: Window, stopped: dict[str, Any]) -> np.ndarray:
     window.ask("choose", GROUPS_APART)
     window.click_button("bpy.ops.radiosity.bake(")
     window.until(lambda: window.ask("state")["mix"], "the light groups can be mixed")
-    return window.view("grouped", unlike=stopped["view"])
+    window.click_button("bpy.ops.radiosity.toggle(")  # the bake may look as the one that was stopped did, if late
+    window.until(lambda: window.ask("state")["original"], "the original is shown")
+    original = window.view(unlike=stopped["view"])
+    window.click_button("bpy.ops.radiosity.toggle(")
+    window.until(lambda: not window.ask("state")["original"], "the bake is shown")
+    return window.view("grouped", unlike=original)
 
 
 def test_a_bake_that_is_stopped_keeps_its_light(stopped: dict[str, Any], unlit: np.ndarray) -> None:
