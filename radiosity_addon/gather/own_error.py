@@ -112,19 +112,20 @@ def own_error(
     rays = SHARE * visibility.traced / (2 * len(chosen))
     sent = int(np.clip(rays * (1 - SHADOWS), *GATHER_RAYS))
     points = int(np.clip(rays * SHADOWS / STRATA / max(len(lamps.lamps), 1), *SHADOW_POINTS))
-    shown = _Shown(light, patches, None if counted else indirect)
+    shown = Shown(light, patches, None if counted else indirect)
     groups = direct.shape[1]
     gleams = None if light.beams is None else Gleams(light.beams, texels, groups)
 
     def lit(start: int, stop: int) -> Float64:
         halves = np.repeat(np.arange(2), stop - start)
-        return _direct(texels, np.tile(chosen[start:stop], 2), halves, points, lamps, visibility, groups).reshape(2, -1)
+        return lamp_light(texels, np.tile(chosen[start:stop], 2), halves, points, lamps, visibility, groups).reshape(
+            2, -1
+        )
 
     def bounced(start: int, stop: int) -> tuple[Float64, Float64]:
         halves = np.repeat(np.arange(2), stop - start)
-        return _indirect(
-            texels, patches, np.tile(chosen[start:stop], 2), halves, sent, light, shown, gleams, visibility
-        )
+        asked = np.tile(chosen[start:stop], 2)
+        return bounced_light(texels, patches, asked, halves, sent, light, shown, gleams, visibility)
 
     lights = yield from scaled(in_chunks(lit, len(chosen), LAMP_TEXELS, workers), 0, SHADOWS)
     each = max(1, RAYS // (2 * sent))
@@ -168,7 +169,7 @@ def _chosen(texels: Texels, wanted: Bools) -> Int64:
     return chosen
 
 
-class _Shown:
+class Shown:
     """What rays of the check see: the finished light."""
 
     def __init__(self, light: Illumination, patches: Patches, indirect: Float32 | None) -> None:
@@ -195,18 +196,23 @@ def _luminance(light: Float32) -> Float32:
     return sums(light) / np.float32(3)
 
 
-def _indirect(
+def bounced_light(
     texels: Texels,
     patches: Patches,
     ids: Int64,
     half: Int64,
     rays: int,
     light: Illumination,
-    shown: _Shown,
+    shown: Shown,
     gleams: Gleams | None,
     visibility: Visibility,
 ) -> tuple[Float64, Float64]:
-    """Irradiance (P,), W/m2, at texels by cosine-distributed rays, and the mean reflectance (P,) that they meet."""
+    """Irradiance (P,), W/m2, at texels by cosine-distributed rays, and the mean reflectance (P,) that they meet.
+
+    Args:
+        ids, half: (P,) texels, and which of two independent estimates each is
+        rays: of each
+    """
     sample = np.tile(np.arange(rays), len(ids))
     texel = np.repeat(ids, rays)
     seeds = np.repeat(hash_bits(ids * 2 + half, 11).astype(np.int64), rays)
@@ -235,10 +241,15 @@ def _indirect(
     return np.pi * seen.reshape(-1, rays).mean(1, dtype=np.float64), back.reshape(-1, rays).mean(1, dtype=np.float64)
 
 
-def _direct(
+def lamp_light(
     texels: Texels, ids: Int64, half: Int64, points: int, lamps: Lamps, visibility: Visibility, groups: int
 ) -> Float64:
-    """Irradiance (P,), W/m2, from lamps at texels, each asked from points spread over the footprint."""
+    """Irradiance (P,), W/m2, from lamps at texels, each asked from points spread over the footprint.
+
+    Args:
+        ids, half: (P,) texels, and which of two independent estimates each is
+        points: of each footprint, with STRATA rays a lamp
+    """
     texel = np.repeat(ids, points)
     sample = np.tile(np.arange(points), len(ids)) + np.repeat(half, points) * points
     normals = texels.shading_normal.take(texel, axis=0)

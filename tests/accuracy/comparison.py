@@ -123,11 +123,29 @@ def distances(corners: np.ndarray) -> np.ndarray:
     return np.where(inside, np.abs((corners[:, 0] * normal).sum(axis=1)) / length, to_edges)
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where N probes lie on a bake's pages: page (N,), uv (N, 2)."""
+
+    page: np.ndarray
+    uv: np.ndarray
+
+
 def page_at(baked: Baked, scene: Scene, probes: Probes) -> np.ndarray:
     """(N, 3) what the pages hold at each probe, as a renderer reads them: bilinear."""
-    farthest = FARTHEST * float(np.linalg.norm(np.ptp(probes.position, axis=0)))
+    places = places_of(baked, scene, probes)
     values = np.empty_like(probes.position)
-    distance = np.full(len(values), np.inf)
+    for page in np.unique(places.page):
+        own = np.flatnonzero(places.page == page)
+        values[own] = bilinear(baked.pages[page], places.uv[own])
+    return values
+
+
+def places_of(baked: Baked, scene: Scene, probes: Probes) -> Places:
+    """Where the probes lie on the pages."""
+    farthest = FARTHEST * float(np.linalg.norm(np.ptp(probes.position, axis=0)))
+    pages, uvs = np.zeros(len(probes.position), int), np.empty((len(probes.position), 2))
+    distance = np.full(len(pages), np.inf)
     for index, mesh in enumerate(scene.meshes):
         own = np.flatnonzero(probes.object == mesh.name)
         page = int(baked.atlas.page[index])
@@ -136,12 +154,11 @@ def page_at(baked: Baked, scene: Scene, probes: Probes) -> np.ndarray:
         triangle, weights, away = nearest(mesh, probes.position[own], probes.normal[own])
         uv = np.einsum("nc,ncx->nx", weights, baked.atlas.uv[index][triangle].astype(np.float64))
         nearer = away < distance[own]  # instances share a name
-        values[own[nearer]] = bilinear(baked.pages[page], uv[nearer])
-        distance[own[nearer]] = away[nearer]
+        pages[own[nearer]], uvs[own[nearer]], distance[own[nearer]] = page, uv[nearer], away[nearer]
     for probe in np.flatnonzero(distance > farthest)[:1]:
         name = probes.object[probe]
         raise ValueError(f"{name} has a probe {distance[probe]:g} m away from any lightmap: the scene has changed")
-    return values
+    return Places(pages, uvs)
 
 
 def nearest(mesh: Mesh, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -166,10 +183,16 @@ def nearest(mesh: Mesh, position: np.ndarray, normal: np.ndarray) -> tuple[np.nd
 
 def bilinear(page: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """(N, 3) values of a page (S, S, 3), row 0 at v = 0, at uv (N, 2)."""
-    size = len(page)
+    pixel, weight = bilinear_weights(len(page), uv)
+    return np.einsum("nk,nkc->nc", weight, page.reshape(-1, page.shape[2])[pixel])
+
+
+def bilinear_weights(size: int, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels (N, 4) of a page `size` wide that are read at uv (N, 2), row by row, and what each counts (N, 4)."""
     at = uv * size - 0.5
     low = np.floor(at).astype(int)
     share = at - low
-    x, y = (np.clip([low[:, axis], low[:, axis] + 1], 0, size - 1) for axis in (0, 1))
-    across = [page[y[row], x[0]] * (1 - share[:, :1]) + page[y[row], x[1]] * share[:, :1] for row in (0, 1)]
-    return across[0] * (1 - share[:, 1:]) + across[1] * share[:, 1:]
+    x, y = (np.clip(low[:, axis, None] + [0, 1], 0, size - 1) for axis in (0, 1))
+    across, along = (np.stack([1 - share[:, axis], share[:, axis]], axis=1) for axis in (0, 1))
+    pixel = (y[:, :, None] * size + x[:, None]).reshape(-1, 4)
+    return pixel, (along[:, :, None] * across[:, None]).reshape(-1, 4)

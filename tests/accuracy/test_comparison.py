@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from radiosity_addon.scene import Material, Mesh, Scene
-from tests.accuracy.comparison import beside_others, distances
+from tests.accuracy.comparison import beside_others, bilinear, distances
 from tests.accuracy.probes import References
 from tests.shapes import mesh_of, quad
 
@@ -54,3 +54,11 @@ def test_what_stands_under_a_surface_crowds_nothing() -> None:
 def test_a_wall_of_the_same_object_crowds_nothing() -> None:
     wall = wall_at(2.1, 0, 1)
     assert not crowded(Mesh(**{**vars(wall), "name": "Floor"}))
+
+
+def test_what_changes_evenly_is_read_as_it_is() -> None:
+    rows, columns = np.mgrid[0:8, 0:8] + 0.5
+    page = np.stack([columns, rows, 2 * columns - rows], axis=2)
+    uv = np.array([[0.3, 0.6], [0.5, 0.5], [0.11, 0.9]])
+    x, y = (8 * uv).T
+    np.testing.assert_allclose(bilinear(page, uv), np.stack([x, y, 2 * x - y], axis=1))
