@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -64,7 +63,7 @@ class Inside:
     visibility: Visibility
 
     def own(self, ids: np.ndarray) -> np.ndarray:
-        """Radiosity over pi (2, P) of texels, direct and bounced, the mean of channels."""
+        """Irradiance over pi (2, P), W/(m2 sr), of texels, direct and bounced, the mean of channels."""
         return np.stack([part[ids].sum(axis=(1, 2)) / (3 * np.pi) for part in (self.direct, self.indirect)])
 
     def anew(self, ids: np.ndarray) -> np.ndarray:
@@ -134,25 +133,27 @@ def main() -> None:
     baked, scene, inside = baked_inside(chosen.scene, chosen.quality)
     found = errors(baked, scene, inside, references)
     clear = np.flatnonzero(~beside_others(scene, references, READING * references.footprint))
-    report(found[:, clear], references.object[clear], references.position[clear], chosen.probes, print)
+    report(found[:, clear], references.object[clear], references.position[clear], chosen.probes)
 
 
-def report(found: np.ndarray, names: np.ndarray, position: np.ndarray, most: int, say: Callable[[str], None]) -> None:
-    """Tell errors (4, N) of probes: all together, by object, and the worst ones."""
+def report(found: np.ndarray, names: np.ndarray, position: np.ndarray, most: int) -> None:
+    """Print errors (4, N) of probes: all together, by object, and the worst ones."""
     share = found[0] ** 2 / max(float((found[0] ** 2).sum()), 1e-30)
-    say(f"{len(names)} probes; mean of channels, as shares of the scene's mean")
+    print(f"{len(names)} probes; mean of channels, as shares of the scene's mean")
     for name, part in zip(("whole", "direct", "bounced", "rest"), found, strict=True):
-        say(f"{name:8} RMS {np.sqrt(np.mean(part**2)):6.2%}  bias {part.mean():+6.2%}  most {np.abs(part).max():6.1%}")
+        print(
+            f"{name:8} RMS {np.sqrt(np.mean(part**2)):6.2%}  bias {part.mean():+6.2%}  most {np.abs(part).max():6.1%}"
+        )
     by_object: dict[str, float] = defaultdict(float)
     for name, part in zip(names, share, strict=True):
         by_object[name] += part
-    say("\nshare of the squared error, by object")
+    print("\nshare of the squared error, by object")
     for name in sorted(by_object, key=lambda name: -by_object[name])[:10]:
-        say(f"{by_object[name]:6.1%}  {name}")
-    say("\nshare    whole  direct bounced    rest  probe")
+        print(f"{by_object[name]:6.1%}  {name}")
+    print("\nshare    whole  direct bounced    rest  probe")
     for probe in np.argsort(-share)[:most]:
         parts = " ".join(f"{part:+7.1%}" for part in found[:, probe])
-        say(f"{share[probe]:5.1%}  {parts}  {names[probe]} at {position[probe].round(3).tolist()}")
+        print(f"{share[probe]:5.1%}  {parts}  {names[probe]} at {position[probe].round(3).tolist()}")
 
 
 if __name__ == "__main__":

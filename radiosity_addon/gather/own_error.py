@@ -118,9 +118,8 @@ def own_error(
 
     def lit(start: int, stop: int) -> Float64:
         halves = np.repeat(np.arange(2), stop - start)
-        return lamp_light(texels, np.tile(chosen[start:stop], 2), halves, points, lamps, visibility, groups).reshape(
-            2, -1
-        )
+        asked = np.tile(chosen[start:stop], 2)
+        return lamp_light(texels, asked, halves, points, lamps, visibility, groups).reshape(2, -1)
 
     def bounced(start: int, stop: int) -> tuple[Float64, Float64]:
         halves = np.repeat(np.arange(2), stop - start)
